@@ -1,0 +1,37 @@
+"""The scenarios, by name. Listing them imports no simulator: each is built by a function named here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sim.record import Setup
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A world, a route and its hazards. ``summary`` says in one line why it exists; ``builder`` is module:function."""
+
+    name: str
+    summary: str
+    builder: str
+
+    def build(self, rng: np.random.Generator) -> Setup:
+        """Draw the scenario's set-up: its character is fixed, furniture, hazards and exact route are not."""
+        module, function = self.builder.split(":")
+        return getattr(import_module(module), function)(rng)
+
+
+_SCENARIOS = (
+    Scenario(
+        "hospital",
+        "Two corridors and seventeen rooms; sills and rubble tilt the laser until the matcher loses its place.",
+        "scenarios.catalogue.hospital:build",
+    ),
+)
+
+CATALOGUE: dict[str, Scenario] = {scenario.name: scenario for scenario in _SCENARIOS}

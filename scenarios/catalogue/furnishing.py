@@ -1,0 +1,87 @@
+"""Furniture for rectangular rooms, placed against walls and clear of the route."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.driver import resample
+from sim.floorplan import Prism, bed, box, desk
+from slam import se2
+from slam.se2 import Array
+
+TRIES = 12
+"""Draws per piece before the room goes without it."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A kind of furniture: its ``size`` (length along the wall, depth) m and how to make one at a pose (3)."""
+
+    size: tuple[float, float]
+    make: Callable[[Array], list[Prism]]
+
+
+PIECES = {
+    "bed": Piece((2.0, 0.9), bed),
+    "desk": Piece((1.4, 0.7), desk),
+    "cupboard": Piece((1.0, 0.45), lambda pose: [box(pose, 1.0, 0.45, z_hi=1.8)]),
+    "crate": Piece((0.6, 0.4), lambda pose: [box(pose, 0.6, 0.4, z_hi=0.24)]),
+    "trolley": Piece((0.7, 0.35), lambda pose: [box(pose, 0.7, 0.35, z_hi=0.9)]),
+}
+"""A level laser at 0.3 m sees the cupboard, the trolley, the desk's drawers and the bed's legs; not the crate."""
+
+
+@dataclass(frozen=True)
+class Area:
+    """A rectangle (x0, y0, x1, y1) m between walls."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    def against_wall(self, size: tuple[float, float], rng: np.random.Generator, gap: float = 0.1) -> Array:
+        """A pose ``(3,)`` with the length of a piece along one of the four walls."""
+        length, depth = size
+        yaw = 0.5 * np.pi * rng.integers(4)
+        half_x, half_y = (0.5 * length, 0.5 * depth) if np.cos(yaw) ** 2 > 0.5 else (0.5 * depth, 0.5 * length)
+        lower = np.array([self.x0 + half_x + gap, self.y0 + half_y + gap])
+        upper = np.maximum(np.array([self.x1 - half_x - gap, self.y1 - half_y - gap]), lower)
+        x, y = rng.uniform(lower, upper)
+        if half_x > half_y or (half_x == half_y and rng.random() < 0.5):
+            y = (lower, upper)[rng.integers(2)][1]
+        else:
+            x = (lower, upper)[rng.integers(2)][0]
+        return np.array([x, y, yaw])
+
+
+def furnish(
+    area: Area, kinds: Iterable[str], keep_clear: Array, clearance: float, rng: np.random.Generator
+) -> list[Prism]:
+    """The named pieces against the area's walls, apart from each other and ``clearance`` m off points (P, 2).
+
+    A piece that finds no room is left out.
+    """
+    placed: list[Prism] = []
+    for kind in kinds:
+        piece = PIECES[kind]
+        for _ in range(TRIES):
+            pose = area.against_wall(piece.size, rng)
+            occupied = [resample(np.vstack([p.footprint, p.footprint[:1]]), 0.1) for p in placed]
+            if _distance(pose, piece.size, keep_clear) < clearance:
+                continue
+            if occupied and _distance(pose, piece.size, np.vstack(occupied)) < 0.1:
+                continue
+            placed += piece.make(pose)
+            break
+    return placed
+
+
+def _distance(pose: Array, size: tuple[float, float], points: Array) -> float:
+    """Smallest distance [m] from points (P, 2) to a rectangle; 0 inside."""
+    local = np.abs(se2.transform(se2.inverse(pose), points)) - 0.5 * np.asarray(size)
+    outside = np.maximum(local, 0.0)
+    return float(np.hypot(outside[:, 0], outside[:, 1]).min())

@@ -1,0 +1,190 @@
+"""A hospital in the spirit of IranOpen 2012 Preliminary 2, the world of Experiment 1 in Formsma's report.
+
+Two corridors joined at both ends, rooms on either side, beds and desks that a level laser hardly sees. Door
+sills, rubble and one ledge tilt the robot: its laser then draws the floor as if it were a wall, beds appear, and
+a matcher that trusts a single scan finds nothing to match. The route returns to every corridor, so that what was
+torn can be stitched. It should show: segments cut at the sills and the rubble, and stitches that mend them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.catalogue.furnishing import Area, furnish
+from sim.driver import resample
+from sim.floorplan import Door, Prism, wall
+from sim.record import Setup
+from sim.terrain import Terrain
+from sim.world import World
+from slam.se2 import Array
+
+LENGTH = 28.0
+SOUTH, CORRIDOR_A, CORRIDOR_B, NORTH = (0.0, 5.0), (5.0, 7.0), (12.5, 14.5), (14.5, 19.5)
+MIDDLE = (CORRIDOR_A[1], CORRIDOR_B[0])
+CROSS = 2.0
+"""Width of the two short corridors that join the long ones at their ends [m]."""
+CEILING = 2.5
+CLEARANCE = 0.42
+"""Furniture keeps this far from the route [m]."""
+SILL_HEIGHT, SILL_DEPTH = (0.02, 0.07), 0.25
+RUBBLE_HEIGHT, RUBBLE_RADIUS, RUBBLE_ROUGHNESS, HEAPS = (0.01, 0.03), (0.5, 1.0), np.deg2rad(2.0), 8
+LEDGE = 0.15
+"""What the robot falls from, half way: the shock upsets the INS [m]."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room from ``x0`` to ``x1`` between the heights ``y`` of its walls; ``doors`` are x positions in them [m]."""
+
+    x0: float
+    x1: float
+    y: tuple[float, float]
+    doors: dict[float, float]
+
+    @property
+    def centre(self) -> Array:
+        """Middle of the room (2)."""
+        return np.array([0.5 * (self.x0 + self.x1), 0.5 * (self.y[0] + self.y[1])])
+
+
+@dataclass(frozen=True)
+class Rooms:
+    """The rooms from west to east, on the three sides of the corridors."""
+
+    south: tuple[Room, ...]
+    middle: tuple[Room, ...]
+    north: tuple[Room, ...]
+
+    @property
+    def all(self) -> tuple[Room, ...]:
+        """Every room."""
+        return self.south + self.middle + self.north
+
+
+def build(rng: np.random.Generator) -> Setup:
+    """One hospital: doors, furniture, hazards and the exact route drawn from ``rng``."""
+    rooms = draw_rooms(rng)
+    route = draw_route(rooms, rng)
+    prisms = [*_walls(rooms), *_furniture(rooms, route, rng)]
+    terrain = _hazards(rooms, route, rng)
+    start = (float(route[0, 0]), float(route[0, 1]), 0.0)
+    return Setup(World(tuple(prisms), terrain, CEILING), start, route)
+
+
+def draw_rooms(rng: np.random.Generator) -> Rooms:
+    """Seventeen rooms, each with a door to the corridor beside it; one in the middle leads from A to B."""
+
+    def row(x: Array, y: tuple[float, float], door_walls: list[list[float]]) -> tuple[Room, ...]:
+        return tuple(
+            Room(a, b, y, {w: float(0.5 * (a + b) + rng.uniform(-1.2, 1.2)) for w in walls})
+            for a, b, walls in zip(x[:-1], x[1:], door_walls, strict=True)
+        )
+
+    outer, inner = np.linspace(0.0, LENGTH, 7), np.linspace(CROSS, LENGTH - CROSS, 6)
+    to_a, to_b = MIDDLE
+    return Rooms(
+        row(outer, SOUTH, [[CORRIDOR_A[0]]] * 6),
+        row(inner, MIDDLE, [[to_a], [to_b], [to_a, to_b], [to_b], [to_a]]),
+        row(outer, NORTH, [[CORRIDOR_B[1]]] * 6),
+    )
+
+
+def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
+    """Waypoints ``(K, 2)`` m: two loops through the corridors, sharing the room in the middle, and five rooms."""
+    a, b = np.mean(CORRIDOR_A), np.mean(CORRIDOR_B)
+    west, east = 0.5 * CROSS, LENGTH - 0.5 * CROSS
+    through = rooms.middle[2]
+    first_south, last_south = rng.choice([0, 1, 2]), rng.choice([3, 4, 5])
+    first_north, last_north = rng.choice([0, 1, 2]), rng.choice([3, 4, 5])
+    inner = rooms.middle[rng.choice([0, 4])]
+    legs: list[list[Array]] = [[np.array([west, a])]]
+    legs.append(_visit(rooms.south[first_south], a, rng))
+    legs.append(_pass(through, a, b))
+    legs.append(_visit(rooms.north[first_north], b, rng))
+    legs.append([np.array([west, b]), np.array([west, a])])
+    eastward = [_visit(rooms.south[last_south], a, rng), _visit(inner, a, rng)]
+    legs += sorted(eastward, key=lambda leg: leg[0][0])
+    legs.append([np.array([east, a]), np.array([east, b])])
+    legs.append(_visit(rooms.north[last_north], b, rng))
+    legs.append(_pass(through, b, a))
+    legs.append([np.array([west, a])])
+    waypoints = np.array([point for leg in legs for point in leg])
+    return waypoints + rng.uniform(-0.08, 0.08, waypoints.shape)
+
+
+def _visit(room: Room, corridor: float, rng: np.random.Generator) -> list[Array]:
+    """In by the door, to two spots of the room, and out again."""
+    wall_y = min(room.doors, key=lambda y: abs(y - corridor))
+    door = room.doors[wall_y]
+    inwards = np.sign(wall_y - corridor)
+    spots = [
+        room.centre + [side * rng.uniform(0.5, 1.1), inwards * rng.uniform(-0.4, 1.0)]
+        for side in rng.permutation([-1.0, 1.0])
+    ]
+    outside, step = np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards])
+    return [outside, step, *spots, step, outside]
+
+
+def _pass(room: Room, corridor: float, other: float) -> list[Array]:
+    """From one corridor to the other through a room with two doors."""
+    walls = sorted(room.doors, key=lambda y: abs(y - corridor))
+    inwards = np.sign(other - corridor)
+    entry, leaving = (room.doors[y] for y in walls)
+    return [
+        np.array([entry, corridor]),
+        np.array([entry, walls[0] + 0.8 * inwards]),
+        np.array([leaving, walls[1] - 0.8 * inwards]),
+        np.array([leaving, other]),
+    ]
+
+
+def _walls(rooms: Rooms) -> list[Prism]:
+    prisms: list[Prism] = []
+    for y in (SOUTH[0], NORTH[1]):
+        prisms += wall([0.0, y], [LENGTH, y])
+    for x in (0.0, LENGTH):
+        prisms += wall([x, SOUTH[0]], [x, NORTH[1]])
+    for y, x0, x1 in (
+        (CORRIDOR_A[0], 0.0, LENGTH),
+        (MIDDLE[0], CROSS, LENGTH - CROSS),
+        (MIDDLE[1], CROSS, LENGTH - CROSS),
+        (CORRIDOR_B[1], 0.0, LENGTH),
+    ):
+        doors = [Door(room.doors[y] - x0) for room in rooms.all if y in room.doors]
+        prisms += wall([x0, y], [x1, y], doors)
+    for row in (rooms.south, rooms.north):
+        for room in row[1:]:
+            prisms += wall([room.x0, room.y[0]], [room.x0, room.y[1]])
+    for x in [room.x0 for room in rooms.middle] + [rooms.middle[-1].x1]:
+        prisms += wall([x, MIDDLE[0]], [x, MIDDLE[1]])
+    return prisms
+
+
+def _furniture(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Prism]:
+    """Beds, desks, cupboards and crates in the rooms, crates and trolleys in the corridors."""
+    doors = [[x, y] for room in rooms.all for y, x in room.doors.items()]
+    keep_clear = np.vstack([resample(route), doors])
+    placed: list[Prism] = []
+    for room in rooms.all:
+        kinds = rng.permutation(["bed", "bed", "desk", "cupboard", "crate"])[: rng.integers(3, 6)]
+        placed += furnish(Area(room.x0, room.y[0], room.x1, room.y[1]), kinds, keep_clear, CLEARANCE, rng)
+    for y in (CORRIDOR_A, CORRIDOR_B):
+        kinds = rng.choice(["crate", "trolley"], 6)
+        placed += furnish(Area(CROSS, y[0], LENGTH - CROSS, y[1]), kinds, keep_clear, CLEARANCE, rng)
+    return placed
+
+
+def _hazards(rooms: Rooms, route: Array, rng: np.random.Generator) -> Terrain:
+    """Sills in the doors, heaps of rubble on the route, and one ledge to fall from."""
+    terrain = Terrain.level([-0.5, -0.5], [LENGTH + 0.5, NORTH[1] + 0.5])
+    for room in rooms.all:
+        for y, x in room.doors.items():
+            terrain = terrain.with_sill([x - 0.5, y], [x + 0.5, y], rng.uniform(*SILL_HEIGHT), SILL_DEPTH)
+    path = resample(route)
+    for at in rng.choice(len(path), HEAPS, replace=False):
+        height, radius = rng.uniform(*RUBBLE_HEIGHT), rng.uniform(*RUBBLE_RADIUS)
+        terrain = terrain.with_rubble(path[at], radius, height, RUBBLE_ROUGHNESS, rng)
+    x, y = LENGTH - 0.5 * CROSS, 0.5 * sum(MIDDLE) + rng.uniform(-1.5, 1.5)
+    return terrain.with_ramp([x, y - 1.5], [x, y], CROSS, LEDGE)

@@ -1,0 +1,87 @@
+"""A method's map against the map drawn with true poses."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from scenarios.evaluation.metric import Metric, measured, missing
+from scenarios.evaluation.trajectory import aligned
+from slam.occupancy import Grid, draw
+from slam.recording import Recording
+from slam.se2 import Array
+
+RESOLUTION = 0.05
+"""Side of a cell [m] of the maps compared."""
+
+NAMES = ("map_f1", "map_iou", "map_chamfer")
+_NEIGHBOURHOOD = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 2)
+
+
+def map_at(recording: Recording, poses: Array) -> Grid:
+    """The map of a recording's scans seen from robot ``poses (N, 3)``, in 0.05 m cells."""
+    return draw(poses, recording.ranges, recording.angles, recording.laser, RESOLUTION)
+
+
+def true_map(recording: Recording) -> Grid | None:
+    """The map drawn with true poses, None without truth."""
+    return None if recording.truth is None else map_at(recording, recording.truth)
+
+
+def map_metrics(method: str, poses: Array, recording: Recording, truth_map: Grid | None) -> list[Metric]:
+    """F1, IoU and chamfer distance of the occupied cells.
+
+    The map is redrawn from ``poses (N, 3)`` after the SE(2) alignment of the trajectory: in the frame of the
+    first pose a degree of heading there would outweigh all else. A cell is found when the other map has one
+    among its 3 x 3 neighbours. Cells outside what truth has seen count as wrong: both maps are drawn from the
+    same beams.
+    """
+    if truth_map is None or recording.truth is None:
+        return missing(method, NAMES, "the recording has no truth")
+    try:
+        grid = map_at(recording, aligned(poses, recording.truth))
+    except ValueError as error:
+        return missing(method, NAMES, f"the map cannot be drawn: {error}")
+    estimate, truth = occupied_cells(grid), occupied_cells(truth_map)
+    if len(estimate) == 0 or len(truth) == 0:
+        return missing(method, NAMES, "no occupied cell to compare")
+    return measured(method, compare(estimate, truth, RESOLUTION))
+
+
+def occupied_cells(grid: Grid) -> np.ndarray:
+    """Lattice indices ``(n, 2)``, x and y, of the occupied cells: the same for grids of any origin."""
+    rows, columns = np.nonzero(grid.occupied)
+    return np.stack([columns, rows], -1) + np.rint(grid.origin / grid.resolution).astype(np.int64)
+
+
+def compare(estimate: np.ndarray, truth: np.ndarray, resolution: float) -> dict[str, float]:
+    """``map_f1``, ``map_iou`` and ``map_chamfer`` [m] of two non-empty sets of cells ``(n, 2)``.
+
+    F1 is of precision and recall with a tolerance of one cell, IoU of both sets widened by one cell, chamfer
+    the mean of the mean distances to the nearest cell of the other set, both ways.
+    """
+    precision = float(cells_found(estimate, truth).mean())
+    recall = float(cells_found(truth, estimate).mean())
+    f1 = 0.0 if precision + recall == 0.0 else 2.0 * precision * recall / (precision + recall)
+    a, b = _widened(estimate), _widened(truth)
+    both = len(np.intersect1d(a, b, assume_unique=True))
+    distance = (cKDTree(truth).query(estimate)[0].mean() + cKDTree(estimate).query(truth)[0].mean()) / 2.0
+    return {
+        "map_f1": f1,
+        "map_iou": both / (len(a) + len(b) - both),
+        "map_chamfer": float(distance) * resolution,
+    }
+
+
+def cells_found(cells: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """Which of ``cells (n, 2)`` have one of ``among (m, 2)`` in their 3 x 3 neighbourhood, ``(n,)`` bool."""
+    return np.isin(_keys(cells), _widened(among))
+
+
+def _widened(cells: np.ndarray) -> np.ndarray:
+    return np.unique(_keys(cells[:, None] + _NEIGHBOURHOOD))
+
+
+def _keys(cells: np.ndarray) -> np.ndarray:
+    """One integer per cell: sets of these are quicker than a canvas that holds both maps."""
+    return (cells[..., 0].astype(np.int64) << 32) + cells[..., 1]

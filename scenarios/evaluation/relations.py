@@ -1,0 +1,138 @@
+"""The relations metric: how well known relative poses are reproduced (Kümmerle et al. 2009)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from scenarios.evaluation.metric import Metric, measured, missing
+from slam import se2
+from slam.recording import Odometry, Recording, Relations
+from slam.se2 import Array
+
+STAMP_TOLERANCE = 0.12
+"""A relation's stamp and the odometry record it means may be this far apart [s]."""
+CLEAR_WINDOW = 0.010
+"""A stamp with a second odometry record this near [s] is ambiguous."""
+REVISIT_DISTANCE, REVISIT_PATH = 1.0, 10.0
+"""A revisit: poses nearer than this [m] after more driving than that [m]."""
+TURN_LENGTH = 0.05
+"""Metres of path that a radian of turning counts for, so that a turn on the spot takes its share too."""
+
+PARTS = ("trans_mean", "trans_std", "rot_mean", "rot_std")
+ALL = tuple(f"relation_{part}" for part in PARTS)
+CLEAR = tuple(f"relation_clear_{part}" for part in PARTS)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Relative poses ``T_12 (K, 3)`` between ``rows (K, 2)`` of a list of poses.
+
+    ``clear (K,)`` is True where it is beyond doubt which rows are meant.
+    """
+
+    rows: np.ndarray
+    T_12: Array
+    clear: np.ndarray
+
+
+def relations_from_truth(truth: Array) -> Pairs:
+    """Relations between scans from ``truth (N, 3)``: all consecutive ones, and revisits of places.
+
+    A revisit is a pair within 1 m after more than 10 m of driving; of these every k-th is kept, so that there
+    are no more of them than scans.
+    """
+    n = len(truth)
+    steps = np.stack([np.arange(n - 1), np.arange(1, n)], -1)
+    near = cKDTree(truth[:, :2]).query_pairs(REVISIT_DISTANCE, output_type="ndarray").reshape(-1, 2)
+    travelled = se2.path_length(truth)
+    near = near[travelled[near[:, 1]] - travelled[near[:, 0]] > REVISIT_PATH]
+    near = near[np.lexsort((near[:, 1], near[:, 0]))]
+    rows = np.concatenate([steps, near[:: -(-len(near) // n) or 1]])
+    return Pairs(rows, se2.between(truth[rows[:, 0]], truth[rows[:, 1]]), np.ones(len(rows), dtype=bool))
+
+
+def relations_from_stamps(relations: Relations, odometry: Odometry) -> Pairs:
+    """Relations between rows of the full-rate ``odometry``, each stamp meaning the record nearest in time.
+
+    Records are compared in the order of their stamps; of records with equal stamps before the relation's the
+    last in the file is meant, of those after it the first. Relations with a stamp more than 0.12 s from every
+    record are left out. Raises ``ValueError`` when that leaves none.
+    """
+    order = np.argsort(odometry.time, kind="stable")
+    time = odometry.time[order]
+    after = np.clip(np.searchsorted(time, relations.stamps), 1, max(len(time) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(time) - 1)
+    earlier_is_nearer = np.abs(relations.stamps - time[before]) <= np.abs(time[after] - relations.stamps)
+    nearest = np.where(earlier_is_nearer, before, after)
+    found = np.all(np.abs(time[nearest] - relations.stamps) <= STAMP_TOLERANCE, axis=1)
+    if not np.any(found):
+        raise ValueError(
+            f"none of the {len(found)} relations has both stamps within {STAMP_TOLERANCE} s of the odometry"
+        )
+    first = np.searchsorted(time, relations.stamps - CLEAR_WINDOW, side="left")
+    last = np.searchsorted(time, relations.stamps + CLEAR_WINDOW, side="right")
+    clear = np.all(last - first <= 1, axis=1)
+    return Pairs(order[nearest[found]], relations.T_12[found], clear[found])
+
+
+def carry(poses: Array, odometry: Odometry) -> Array:
+    """Robot poses ``(M, 3)`` at every odometry record from ``poses (N, 3)`` at the scans.
+
+    The pose of the last scan before a record is carried on by odometry; what is then missing at the next scan
+    (a body-frame tangent) is spread along the odometry path between the two. Before the first scan and after
+    the last there is odometry alone.
+    """
+    scan_row, records = odometry.scan_row, np.arange(len(odometry.time))
+    last = np.clip(np.searchsorted(scan_row, records, side="right") - 1, 0, None)
+    following = np.minimum(last + 1, len(poses) - 1)
+    start, stop = scan_row[last], scan_row[following]
+    motion = odometry.poses
+    predicted = se2.compose(poses[last], se2.between(motion[start], motion[stop]))
+    correction = se2.log(se2.between(predicted, poses[following]))
+    path = se2.path_length(motion) + TURN_LENGTH * _turned(motion)
+    span = path[stop] - path[start]
+    share = np.divide(path - path[start], span, out=np.zeros(len(span)), where=span > 0.0)
+    carried = se2.compose(poses[last], se2.between(motion[start], motion))
+    return se2.compose(carried, se2.exp(np.clip(share, 0.0, 1.0)[:, None] * correction))
+
+
+def _turned(poses: Array) -> Array:
+    """Angle [rad] turned up to each of the poses ``(M, 3)``, either way."""
+    return np.concatenate([[0.0], np.cumsum(np.abs(se2.wrap(np.diff(poses[:, 2]))))])
+
+
+def relation_pairs(recording: Recording) -> Pairs | None:
+    """The relations to score a recording's methods against: its file's, else its truth's, else None."""
+    if recording.relations is not None:
+        return relations_from_stamps(recording.relations, _odometry(recording))
+    if recording.truth is not None and len(recording) > 1:
+        return relations_from_truth(recording.truth)
+    return None
+
+
+def relation_metrics(method: str, poses: Array, recording: Recording, pairs: Pairs | None) -> list[Metric]:
+    """Mean and standard deviation of the errors of ``poses (N, 3)`` over all and over the clear relations."""
+    if pairs is None:
+        return missing(method, ALL + CLEAR, "the recording has neither relations nor truth of two scans")
+    at_rows = poses if recording.relations is None else carry(poses, _odometry(recording))
+    error = se2.between(pairs.T_12, se2.between(at_rows[pairs.rows[:, 0]], at_rows[pairs.rows[:, 1]]))
+    translation, rotation = np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(se2.wrap(error[:, 2])))
+    metrics = measured(method, dict(zip(ALL, _summary(translation, rotation), strict=True)))
+    if not np.any(pairs.clear):
+        return metrics + missing(method, CLEAR, "every relation has an ambiguous stamp")
+    clear = _summary(translation[pairs.clear], rotation[pairs.clear])
+    return metrics + measured(method, dict(zip(CLEAR, clear, strict=True)))
+
+
+def _summary(translation: Array, rotation: Array) -> tuple[float, float, float, float]:
+    return tuple(float(v) for v in (translation.mean(), translation.std(), rotation.mean(), rotation.std()))  # type: ignore[return-value]
+
+
+def _odometry(recording: Recording) -> Odometry:
+    if recording.odometry is not None:
+        return recording.odometry
+    return Odometry(recording.time, recording.dead_reckoning, np.arange(len(recording)))

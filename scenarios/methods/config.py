@@ -1,0 +1,38 @@
+"""Every setting of every method, in one tree that `config.json` dumps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from scenarios.methods.loops import LoopConfig
+from slam.bundle import BundleConfig
+from slam.frontend import MANIFOLD_SLAM, FrontendConfig
+from slam.matching import MatchConfig
+from slam.segmentation import SegmentationConfig
+from stitch.config import AlignConfig
+
+
+def _icp() -> FrontendConfig:
+    unweighted = MatchConfig(mutual=True, robust=1e12, least_pairs=3)
+    return replace(
+        FrontendConfig(),
+        method="icp",
+        covariance="joint",
+        reference="scan",
+        match=unweighted,
+        trust_dead_reckoning=False,
+    )
+
+
+@dataclass(frozen=True)
+class MethodConfig:
+    """Settings of the methods: ``manifold`` and ``segmentation`` serve wsm and htms, ``frontend``, ``loops`` and
+    ``bundle`` serve slamstitch, ``icp`` is the baseline's front end."""
+
+    manifold: FrontendConfig = MANIFOLD_SLAM
+    segmentation: SegmentationConfig = field(default_factory=lambda: SegmentationConfig(least_steps=5))
+    htms: AlignConfig = field(default_factory=lambda: AlignConfig(method="htms"))
+    icp: FrontendConfig = field(default_factory=_icp)
+    frontend: FrontendConfig = field(default_factory=FrontendConfig)
+    loops: LoopConfig = field(default_factory=LoopConfig)
+    bundle: BundleConfig = field(default_factory=BundleConfig)

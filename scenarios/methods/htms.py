@@ -1,0 +1,47 @@
+"""The report's method (Formsma): cut ManifoldSLAM's map where nothing matched, stitch the pieces in their order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarios.estimate import Estimate, TriedStitch
+from scenarios.methods.config import MethodConfig
+from slam import se2
+from slam.frontend import track
+from slam.recording import Recording
+from slam.scan import scans_of
+from slam.segmentation import segments
+from slam.submap import cut
+from slam.track import Verdict
+from stitch.align import Prior, Stitch, align
+
+UNREAD = np.eye(3)
+"""Of the prior the report's method reads the rotation only, not the covariance that goes with it."""
+
+
+def stitch_in_sequence(recording: Recording, config: MethodConfig) -> Estimate:
+    """Each piece is stitched to the map made of all pieces before it; the smallest rotation wins (report §4.3).
+
+    A lost scan stays with the piece before it; a piece that cannot be stitched stays where ManifoldSLAM had it.
+    """
+    found = track(recording, config.manifold)
+    scans = scans_of(recording)
+    matched = np.flatnonzero(found.verdict != Verdict.FELL_BACK)
+    cuts = segments(found, config.segmentation)
+    resolution = config.htms.resolution
+    pieces = [cut(recording, scans, found.poses, s.start, s.stop, matched, resolution) for s in cuts]
+    inside = np.concatenate([np.arange(s.start, s.stop) for s in cuts] or [np.arange(0)])
+    drawn = np.intersect1d(matched, inside)
+    ends = [s.start for s in cuts[1:]] + [len(recording)]
+    poses, tried = found.poses.copy(), []
+    for b, piece in enumerate(pieces[1:], start=1):
+        first = pieces[0]
+        merged = cut(recording, scans, poses, first.start, piece.start, drawn, resolution)
+        guess = Prior(se2.between(first.anchor, piece.anchor), UNREAD)
+        result = align(merged, piece, guess, config.htms)
+        tried.append(TriedStitch(0, b, result))
+        if isinstance(result, Stitch):
+            anchor = se2.compose(first.anchor, result.T_a_b)
+            rows = slice(piece.start, ends[b])
+            poses[rows] = se2.compose(anchor, se2.between(piece.anchor, found.poses[rows]))
+    return Estimate("htms", poses, track=found, submaps=tuple(pieces), stitches=tuple(tried))

@@ -1,0 +1,236 @@
+"""Figures of a run: maps, trajectories and confidence. Each function returns a matplotlib ``Figure``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenarios.estimate import Estimate
+from scenarios.evaluation.maps import RESOLUTION, cells_found, map_at, occupied_cells, true_map
+from scenarios.evaluation.trajectory import aligned
+from scenarios.report.style import BLACK, BLUE, FONT, GREY, ORANGE, SKY, VERMILLION, WIDTH, panels
+from slam.occupancy import Grid
+from slam.recording import Recording
+from slam.se2 import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MARGIN = 1.0
+"""Free space around a drawing [m]."""
+
+
+def maps(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[str, str]) -> Figure:
+    """The maps of all methods side by side; ``titles`` by method.
+
+    With truth every map is aligned to it and its walls are told apart: found, wrong, missed.
+    """
+    truth = true_map(recording)
+    truth_cells = None if truth is None else occupied_cells(truth)
+    drawn = [_cells(recording, estimate) for estimate in estimates]
+    points = [_centres(truth_cells)] if truth_cells is not None else [_centres(cells) for cells in drawn]
+    limits = [_limits(p) for p in points]
+    figure, axes = panels(len(estimates), _aspect(limits))
+    for i, (ax, estimate, cells) in enumerate(zip(axes, estimates, drawn, strict=True)):
+        view = limits[i % len(limits)]
+        _set_view(ax, view)
+        _draw_walls(ax, cells, truth_cells, _marker_size(ax, view))
+        ax.set_title(titles[estimate.method], fontsize=FONT["title"], parse_math=False)
+        _tell_of_walls_outside(ax, cells, view)
+    if truth_cells is not None:
+        _legend(
+            figure, [("wall found", BLACK), ("drawn where there is none", BLUE), ("true wall missed", ORANGE)]
+        )
+    return figure
+
+
+def trajectories(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[str, str]) -> Figure:
+    """The path of every method, over the true one where there is truth; ``titles`` by method."""
+    truth = recording.truth
+    paths = [estimate.poses if truth is None else aligned(estimate.poses, truth) for estimate in estimates]
+    points = paths if truth is None else [truth]
+    limits = [_limits(p) for p in points]
+    figure, axes = panels(len(estimates), _aspect(limits))
+    for i, (ax, estimate, path) in enumerate(zip(axes, estimates, paths, strict=True)):
+        _set_view(ax, limits[i % len(limits)])
+        if truth is not None:
+            ax.plot(truth[:, 0], truth[:, 1], color=ORANGE, linewidth=3.0, solid_capstyle="round")
+        ax.plot(path[:, 0], path[:, 1], color=BLACK, linewidth=0.9)
+        ax.plot(*path[0, :2], marker="o", color=BLUE, markersize=6, linestyle="none")
+        ax.set_title(titles[estimate.method], fontsize=FONT["title"], parse_math=False)
+    entries = [("estimate", BLACK), ("its start", BLUE)]
+    _legend(figure, entries if truth is None else [("truth", ORANGE), *entries])
+    return figure
+
+
+CONFIDENCE = (
+    ("trace2", "trace of position\ncovariance [m²]", "log"),
+    ("det2", "determinant [m⁴]", "log"),
+    ("matches", "matches", "linear"),
+)
+
+
+def confidence(estimate: Estimate) -> Figure:
+    """The confidence of every match of an estimate's track over the drive.
+
+    Steps without a single match are red dots on the x axis, cuts between segments vertical lines (Formsma's
+    figure 5.3). Raises ``ValueError`` when the estimate has no track.
+    """
+    from matplotlib.figure import Figure
+
+    if estimate.track is None:
+        raise ValueError(f"{estimate.method} has no track to draw the confidence of")
+    track = estimate.track
+    tried = ~np.isnan(track.confidence["trace2"])
+    lost = np.flatnonzero(tried & (track.matches == 0))
+    figure = Figure(figsize=(WIDTH, 6.5), layout="constrained")
+    axes = figure.subplots(len(CONFIDENCE), 1, sharex=True)
+    for ax, (name, label, scale) in zip(axes, CONFIDENCE, strict=True):
+        values = track.matches.astype(float) if name == "matches" else track.confidence[name]
+        _confidence_panel(ax, np.where(tried, values, np.nan), lost, scale)
+        ax.set_ylabel(label, fontsize=FONT["label"])
+        for submap in estimate.submaps[1:]:
+            ax.axvline(submap.start - 0.5, color=SKY, linewidth=1.2, zorder=0)
+    axes[-1].set_xlabel("scan", fontsize=FONT["label"])
+    axes[-1].set_xlim(-0.5, len(track) - 0.5)
+    axes[0].set_title(
+        f"{estimate.method}: {len(lost)} of {tried.sum()} matched steps have no match, "
+        f"{max(len(estimate.submaps) - 1, 0)} cuts",
+        fontsize=FONT["title"],
+        parse_math=False,
+    )
+    _legend(figure, [("matched step", BLACK), ("step without a match", VERMILLION), ("cut", SKY)])
+    return figure
+
+
+def single_map(recording: Recording, estimate: Estimate) -> Figure:
+    """One method's map: walls black, free space white, unknown grey; aligned to truth where there is truth.
+
+    Raises ``ValueError`` when the grid would be too large to draw.
+    """
+    from matplotlib.figure import Figure
+
+    grid = _grid(recording, estimate.poses)
+    height, width = grid.occupied.shape
+    inches = min(max(width, height) / 100.0, 24.0)
+    scale = max(inches, 6.0) / max(width, height)
+    figure = Figure(
+        figsize=(max(width * scale, 2.5) + 1.0, max(height * scale, 2.5) + 1.0), layout="constrained"
+    )
+    ax = figure.add_subplot()
+    shade = np.where(grid.occupied, 0.0, np.where(grid.free, 1.0, 0.85))
+    ax.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=grid.extent, interpolation="nearest")
+    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    ax.set_title(estimate.method, fontsize=FONT["title"], parse_math=False)
+    return figure
+
+
+def _grid(recording: Recording, poses: Array) -> Grid:
+    return map_at(recording, poses if recording.truth is None else aligned(poses, recording.truth))
+
+
+def _cells(recording: Recording, estimate: Estimate) -> np.ndarray | None:
+    """Occupied cells ``(n, 2)`` of a method's map, None where it is too large to draw."""
+    try:
+        return occupied_cells(_grid(recording, estimate.poses))
+    except ValueError:
+        return None
+
+
+def _centres(cells: np.ndarray | None) -> Array:
+    return np.zeros((0, 2)) if cells is None else (cells + 0.5) * RESOLUTION
+
+
+def _limits(points: Array) -> tuple[float, float, float, float]:
+    """View ``(x_min, x_max, y_min, y_max)`` m around points ``(n, >= 2)``."""
+    if len(points) == 0:
+        return -MARGIN, MARGIN, -MARGIN, MARGIN
+    low, high = points[:, :2].min(axis=0) - MARGIN, points[:, :2].max(axis=0) + MARGIN
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def _aspect(limits: Sequence[tuple[float, float, float, float]]) -> float:
+    ratios = [(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in limits]
+    return float(np.clip(np.median(ratios), 0.3, 2.5))
+
+
+def _set_view(ax: Axes, limits: tuple[float, float, float, float]) -> None:
+    ax.set_xlim(*limits[:2])
+    ax.set_ylim(*limits[2:])
+
+
+def _marker_size(ax: Axes, limits: tuple[float, float, float, float]) -> float:
+    """Side of a cell on paper [pt], and at least what can be seen."""
+    figure: Any = ax.figure
+    columns = ax.get_subplotspec().get_gridspec().ncols  # type: ignore[union-attr]
+    points = 72.0 * figure.get_figwidth() / columns * 0.9
+    return max(points * RESOLUTION / (limits[1] - limits[0]), 0.8)
+
+
+def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None, size: float) -> None:
+    if cells is None:
+        ax.text(
+            0.5, 0.5, "map too large to draw", transform=ax.transAxes, ha="center", fontsize=FONT["label"]
+        )
+        return
+    layers = [(cells, BLACK)]
+    if truth is not None:
+        found = cells_found(cells, truth)
+        layers = [(truth[~cells_found(truth, cells)], ORANGE), (cells[~found], BLUE), (cells[found], BLACK)]
+    for some, colour in layers:
+        x, y = _centres(some).T
+        ax.plot(x, y, linestyle="none", marker="s", markersize=size, markeredgewidth=0, color=colour)
+
+
+def _tell_of_walls_outside(
+    ax: Axes, cells: np.ndarray | None, view: tuple[float, float, float, float]
+) -> None:
+    if cells is None or len(cells) == 0:
+        return
+    x, y = _centres(cells).T
+    outside = np.mean((x < view[0]) | (x > view[1]) | (y < view[2]) | (y > view[3]))
+    if outside >= 0.005:
+        ax.text(
+            0.02,
+            0.02,
+            f"{outside:.0%} of the walls lie outside",
+            transform=ax.transAxes,
+            fontsize=FONT["tick"],
+        )
+
+
+def _confidence_panel(ax: Axes, values: Array, lost: np.ndarray, scale: str) -> None:
+    drawable = np.isfinite(values) & ((values > 0.0) if scale == "log" else True)
+    x = np.flatnonzero(drawable)
+    ax.set_yscale(scale)
+    ax.plot(x, values[x], color=BLACK, linewidth=0.5, marker=".", markersize=2.5)
+    if len(x) == 0:
+        ax.text(0.5, 0.5, "no step was matched", transform=ax.transAxes, ha="center", fontsize=FONT["label"])
+    elif scale == "linear":
+        ax.set_ylim(bottom=0.0)
+    ax.plot(
+        lost,
+        np.zeros(len(lost)),
+        transform=ax.get_xaxis_transform(),
+        color=VERMILLION,
+        marker="o",
+        markersize=5,
+        linestyle="none",
+        clip_on=False,
+        zorder=5,
+    )
+    ax.grid(axis="y", color=GREY, linewidth=0.4, alpha=0.6)
+    ax.tick_params(labelsize=FONT["tick"])
+
+
+def _legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=colour, marker="s", linestyle="none", markersize=7, label=label)
+        for label, colour in entries
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)

@@ -1,0 +1,96 @@
+"""A run as one HTML file that opens without a network."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenarios.estimate import Estimate
+from scenarios.evaluation.metric import Metric
+from scenarios.report import figures
+from scenarios.report.style import png
+from scenarios.report.table import tabulate
+from scenarios.report.verdict import headline, verdict
+from slam.recording import Recording
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure in the page: PNG as base64, what it shows in words, and its caption."""
+
+    data: str
+    alt: str
+    caption: str
+
+
+def render(
+    recording: Recording,
+    estimates: Sequence[Estimate],
+    metrics: Sequence[Metric],
+    run: Mapping[str, object],
+) -> str:
+    """The page of a run.
+
+    ``run`` is told as it is, key by key (seed, versions, what else matters); its ``command`` is the command
+    line that made the run. Everything that comes from outside is escaped.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2").render(
+        recording=recording,
+        verdict=verdict(metrics),
+        table=tabulate(metrics),
+        pictures=pictures(recording, estimates, metrics),
+        command=run.get("command"),
+        run={key: value for key, value in run.items() if key != "command"},
+    )
+
+
+def titles(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> dict[str, str]:
+    """Method -> its name and its score in the metric the run is judged by."""
+    judged = headline(metrics)
+    scores = {m.method: m.value for m in metrics if judged and m.name == judged[0] and m.value is not None}
+    short = {"ate_rmse": "ATE", "relation_trans_mean": "relations"}
+    return {
+        e.method: f"{e.method}   {short[judged[0]]} {scores[e.method]:.3f} m"
+        if judged and e.method in scores
+        else e.method
+        for e in estimates
+    }
+
+
+def pictures(recording: Recording, estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> list[Picture]:
+    """The figures of a run: maps, trajectories, and the confidence of every method that has a track."""
+    if not estimates:
+        return []
+    names = titles(estimates, metrics)
+    listed = ", ".join(estimate.method for estimate in estimates)
+    over = "" if recording.truth is None else " over truth, after SE(2) alignment"
+    result = [
+        _picture(figures.maps(recording, estimates, names), f"Maps of {listed}{over}", f"Maps{over}."),
+        _picture(
+            figures.trajectories(recording, estimates, names),
+            f"Trajectories of {listed}{over}",
+            f"Trajectories{over}.",
+        ),
+    ]
+    for estimate in estimates:
+        if estimate.track is not None:
+            what = f"Confidence of {estimate.method}'s scan matches over the drive"
+            result.append(_picture(figures.confidence(estimate), what, f"{what}."))
+    return result
+
+
+def _picture(figure: object, alt: str, caption: str) -> Picture:
+    return Picture(base64.b64encode(png(figure)).decode("ascii"), alt, caption)  # type: ignore[arg-type]

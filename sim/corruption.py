@@ -1,0 +1,91 @@
+"""What stands between the true distance and the number a laser prints. The order of the effects matters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam.se2 import Array
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Range effects, each with a switch of its own.
+
+    Mixed pixels: ``sub_rays`` over the beam's ``divergence`` [rad]; where they differ by more than ``mixed_gap``
+    m the range is a random mixture with probability ``mixed_probability``, else the nearest. Dropouts: chance
+    ``dropout_floor`` at normal incidence, rising as a logistic of width ``dropout_width`` at ``dropout_angle``
+    [rad]. Noise: standard deviation ``noise_constant + noise_slope · range`` m. ``quantum`` m.
+    """
+
+    mixed_pixels: bool = True
+    sub_rays: int = 3
+    divergence: float = np.deg2rad(0.35)
+    mixed_gap: float = 0.2
+    mixed_probability: float = 0.3
+    dropouts: bool = True
+    dropout_floor: float = 0.002
+    dropout_angle: float = np.deg2rad(80.0)
+    dropout_width: float = np.deg2rad(3.0)
+    noise: bool = True
+    noise_constant: float = 0.01
+    noise_slope: float = 0.001
+    quantisation: bool = True
+    quantum: float = 0.01
+    limits: bool = True
+
+    def footprint(self, angles: Array) -> Array:
+        """Angles ``(B, J)`` rad of the sub-rays of beams at ``angles (B,)``; J is 1 without mixed pixels."""
+        if not self.mixed_pixels:
+            return angles[:, None]
+        return angles[:, None] + np.linspace(-0.5, 0.5, self.sub_rays) * self.divergence
+
+
+def corrupt(
+    ranges: Array, cosines: Array, effects: Effects, limits: tuple[float, float], rng: np.random.Generator
+) -> Array:
+    """Reported ranges ``(N, B)`` m from the sub-rays' true ranges and incidence cosines ``(N, B, J)``.
+
+    ``limits`` are the smallest and largest range m the laser reports. Each effect draws from its own stream, so
+    that switching one leaves the others' draws alone.
+    """
+    mixing, dropping, noising = rng.spawn(3)
+    nearest = np.argmin(np.where(np.isnan(ranges), np.inf, ranges), axis=2)[..., None]
+    cosine = np.take_along_axis(cosines, nearest, axis=2)[..., 0]
+    reported = _mixed(ranges, effects, mixing)
+    if effects.dropouts:
+        reported = np.where(dropping.random(reported.shape) < _dropout(cosine, effects), np.nan, reported)
+    if effects.noise:
+        sigma = effects.noise_constant + effects.noise_slope * reported
+        reported = reported + sigma * noising.standard_normal(reported.shape)
+    if effects.quantisation:
+        reported = np.round(reported / effects.quantum) * effects.quantum
+    if effects.limits:
+        low, high = limits
+        reported = np.where((reported >= low) & (reported < high), reported, np.nan)
+    return reported
+
+
+def _mixed(ranges: Array, effects: Effects, rng: np.random.Generator) -> Array:
+    """One range per beam: the mean of its sub-rays where they agree, else a mixture or the nearest."""
+    met = ~np.isnan(ranges)
+    far = np.where(met, ranges, np.inf)
+    near = far.min(axis=2)
+    none, some = ~met.any(axis=2), ~met.all(axis=2)
+    filled = np.where(met, ranges, 0.0)
+    split = some | (filled.max(axis=2) - near > effects.mixed_gap)
+    weights = rng.random(ranges.shape) * met
+    total = np.where(none, 1.0, weights.sum(axis=2))
+    mixture = (weights * filled).sum(axis=2) / total
+    mixes = rng.random(split.shape) < effects.mixed_probability
+    plain = filled.sum(axis=2) / np.maximum(met.sum(axis=2), 1)
+    reported = np.where(split, np.where(mixes, mixture, near), plain)
+    return np.where(none, np.nan, reported)
+
+
+def _dropout(cosine: Array, effects: Effects) -> Array:
+    """Chance that a beam does not come back, by its incidence (0 rad = along the normal)."""
+    incidence = np.arccos(np.clip(cosine, 0.0, 1.0))
+    grazing = 1.0 / (1.0 + np.exp(-(incidence - effects.dropout_angle) / effects.dropout_width))
+    return effects.dropout_floor + (1.0 - effects.dropout_floor) * grazing

@@ -1,0 +1,131 @@
+"""Walls and furniture: convex footprints with a vertical extent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slam import se2
+from slam.se2 import Array
+
+Kind = Literal["wall", "furniture"]
+
+WALL_THICKNESS = 0.12
+WALL_HEIGHT = 2.5
+BELOW_FLOOR = -1.0
+"""Things that stand on the floor reach this far down [m], so that no ray slips under them on uneven ground."""
+
+
+@dataclass(frozen=True)
+class Prism:
+    """An upright solid: convex ``footprint (k, 2)`` m, counter-clockwise, between heights ``z_lo`` and ``z_hi`` m.
+
+    Raises ``ValueError`` for a footprint that is not convex and counter-clockwise, or an empty extent.
+    """
+
+    footprint: Array
+    z_lo: float
+    z_hi: float
+    kind: Kind = "wall"
+
+    def __post_init__(self) -> None:
+        footprint = np.ascontiguousarray(self.footprint, dtype=np.float64)
+        object.__setattr__(self, "footprint", footprint)
+        if footprint.ndim != 2 or footprint.shape[0] < 3 or footprint.shape[1] != 2:
+            raise ValueError(f"footprint: expected shape (k >= 3, 2), got {footprint.shape}")
+        edges = np.roll(footprint, -1, axis=0) - footprint
+        after = np.roll(edges, -1, axis=0)
+        if np.any(edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0] <= 0.0):
+            raise ValueError("footprint: expected a strictly convex, counter-clockwise polygon")
+        if not self.z_lo < self.z_hi:
+            raise ValueError(f"vertical extent: expected z_lo < z_hi, got {self.z_lo} and {self.z_hi}")
+
+    @property
+    def edges(self) -> Array:
+        """The outline as segments ``(k, 4)``: x1, y1, x2, y2."""
+        return np.hstack([self.footprint, np.roll(self.footprint, -1, axis=0)])
+
+
+@dataclass(frozen=True)
+class Door:
+    """An opening in a wall: its centre, as a distance from the wall's start, and its width [m]."""
+
+    centre: float
+    width: float = 1.0
+
+
+def box(
+    pose: ArrayLike,
+    length: float,
+    width: float,
+    z_lo: float = BELOW_FLOOR,
+    z_hi: float = WALL_HEIGHT,
+    kind: Kind = "furniture",
+) -> Prism:
+    """A box centred at ``pose (3,)``: ``length`` along its x, ``width`` along its y [m]."""
+    half = 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
+    return Prism(se2.transform(pose, half), z_lo, z_hi, kind)
+
+
+def column(x: float, y: float, radius: float, z_hi: float = WALL_HEIGHT, corners: int = 8) -> Prism:
+    """A round column or pole, as a regular polygon."""
+    angle = 2.0 * np.pi * np.arange(corners) / corners
+    circle = np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], -1)
+    return Prism(circle, BELOW_FLOOR, z_hi, "furniture")
+
+
+def wall(
+    a: ArrayLike,
+    b: ArrayLike,
+    doors: Sequence[Door] = (),
+    thickness: float = WALL_THICKNESS,
+    height: float = WALL_HEIGHT,
+) -> list[Prism]:
+    """A straight wall from ``a (2,)`` to ``b (2,)`` with openings, as one prism for each solid piece.
+
+    Both ends reach half a thickness further, so that walls that meet leave no gap.
+    Raises ``ValueError`` for a door that does not lie within the wall or overlaps another.
+    """
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    length = float(np.hypot(*(b - a)))
+    yaw = float(np.arctan2(*(b - a)[::-1]))
+    cuts = [-0.5 * thickness]
+    for door in sorted(doors, key=lambda d: d.centre):
+        cuts += [door.centre - 0.5 * door.width, door.centre + 0.5 * door.width]
+    cuts.append(length + 0.5 * thickness)
+    if np.any(np.diff(cuts) <= 0.0):
+        raise ValueError(f"doors do not fit in a wall of {length:.2f} m: {list(doors)}")
+    along = (b - a) / length
+    return [
+        box([*(a + 0.5 * (lo + hi) * along), yaw], hi - lo, thickness, z_hi=height, kind="wall")
+        for lo, hi in zip(cuts[::2], cuts[1::2], strict=True)
+    ]
+
+
+def bed(pose: ArrayLike, length: float = 2.0, width: float = 0.9) -> list[Prism]:
+    """A hospital bed: a mattress on four thin legs, which a level laser 0.3 m high passes under."""
+    mattress = box(pose, length, width, 0.36, 0.62)
+    return [mattress, *_legs(pose, length, width, 0.36)]
+
+
+def desk(pose: ArrayLike, length: float = 1.4, width: float = 0.7) -> list[Prism]:
+    """A desk: a thin top on four legs, and a drawer unit at one end that a level laser sees."""
+    top = box(pose, length, width, 0.70, 0.74)
+    drawers = box(se2.compose(pose, [0.5 * length - 0.25, 0.0, 0.0]), 0.4, width - 0.1, z_hi=0.68)
+    return [top, drawers, *_legs(pose, length, width, 0.70)]
+
+
+def _legs(pose: ArrayLike, length: float, width: float, height: float, side: float = 0.05) -> list[Prism]:
+    x, y = 0.5 * (length - side), 0.5 * (width - side)
+    corners = [[x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0], [x, -y, 0.0]]
+    return [box(se2.compose(pose, corner), side, side, z_hi=height) for corner in corners]
+
+
+def outlines(prisms: Iterable[Prism], z: float) -> Array:
+    """Edges ``(S, 4)`` of the prisms that a horizontal plane at height ``z`` m cuts."""
+    cut = [prism.edges for prism in prisms if prism.z_lo <= z <= prism.z_hi]
+    return np.vstack(cut) if cut else np.empty((0, 4))

@@ -1,0 +1,121 @@
+"""The laser: an exact ray caster for a scan plane that tilts, and the scanner that corrupts what it sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sim import corruption, traversal
+from sim.corruption import Effects
+from sim.terrain import Terrain
+from sim.world import Obstacles, World, plates
+from slam.recording import Laser
+from slam.se2 import Array
+
+
+class Raycaster:
+    """Exact ranges from poses in a world.
+
+    In a planar cast (poses ``(N, 3)``) every obstacle counts whatever its height, and there is neither floor nor
+    ceiling. In a tilted cast (poses ``(N, 6)``) obstacles have heights: a ray passes over or under them, meets
+    their front, lands on their top, or meets their underside.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._prepare(world.obstacles, world.terrain, world.ceiling)
+
+    @classmethod
+    def from_segments(cls, segments: ArrayLike, heights: ArrayLike | None = None) -> Raycaster:
+        """Ray caster over thin walls ``segments (S, 4)`` m, without floor or ceiling.
+
+        ``heights (S,)`` or ``(S, 2)`` m are their tops, or bottoms and tops; None: endless.
+        Raises ``ValueError`` for other shapes or a segment without length.
+        """
+        caster = cls.__new__(cls)
+        caster._prepare(plates(segments, heights))
+        return caster
+
+    def _prepare(self, obstacles: Obstacles, terrain: Terrain | None = None, ceiling: float = np.inf) -> None:
+        ground = (terrain or Terrain.level([0.0, 0.0], [1.0, 1.0], 1.0)).field
+        grid = traversal.build_grid(obstacles)
+        self._solid = traversal.Scene(obstacles, grid, ground, terrain is not None, float(ceiling))
+        self._planar = self._solid._replace(obstacles=obstacles.without_heights(), has_ground=False)
+
+    def cast(self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf) -> Array:
+        """Slant ranges ``(N, B)`` m of the beams at ``angles (B,)`` rad, NaN where nothing is met.
+
+        ``poses`` are of the sensor: ``(N, 3)`` x, y, yaw, or ``(N, 6)`` x, y, yaw, roll, pitch, z with roll left
+        side up and pitch nose down positive, R = Rz(yaw) Ry(pitch) Rx(roll). Nothing is met beyond ``range_max``.
+        Raises ``ValueError`` for other shapes or poses that are not finite.
+        """
+        return self.cast_with_incidence(poses, angles, range_max)[0]
+
+    def cast_with_incidence(
+        self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf
+    ) -> tuple[Array, Array]:
+        """Ranges as `cast`, and the cosine of the angle between beam and surface normal, both ``(N, B)``."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        angles = np.ascontiguousarray(angles, dtype=np.float64)
+        if poses.ndim != 2 or poses.shape[1] not in (3, 6) or angles.ndim != 1:
+            raise ValueError(f"expected poses (N, 3) or (N, 6) and angles (B,), got {poses.shape}, {angles.shape}")
+        if not (np.all(np.isfinite(poses)) and np.all(np.isfinite(angles))):
+            raise ValueError("poses and angles must be finite")
+        scene = self._solid
+        if poses.shape[1] == 3:
+            scene, poses = self._planar, np.hstack([poses, np.zeros_like(poses)])
+        ranges = np.empty((len(poses), len(angles)))
+        cosines = np.empty_like(ranges)
+        traversal.cast_beams(poses, angles, float(range_max), scene, ranges, cosines)
+        return ranges, cosines
+
+
+@dataclass(frozen=True)
+class Scanner:
+    """A laser on a robot: ``beams`` over ``field_of_view`` rad, mounted at ``mount`` (x, y, yaw) and ``height`` m.
+
+    The defaults are the Hokuyo of USARSim's Kenaf.
+    """
+
+    beams: int = 228
+    field_of_view: float = 4.1889
+    range_min: float = 0.1
+    range_max: float = 4.0
+    mount: tuple[float, float, float] = (-0.08, 0.0, 0.0)
+    height: float = 0.30
+    effects: Effects = field(default_factory=Effects)
+
+    @property
+    def angles(self) -> Array:
+        """Beam angles ``(B,)`` rad in the laser frame, counter-clockwise, symmetric about its x axis."""
+        return np.linspace(-0.5 * self.field_of_view, 0.5 * self.field_of_view, self.beams)
+
+    @property
+    def laser(self) -> Laser:
+        """What a recording says about this laser."""
+        sigma = max(self.effects.noise_constant, self.effects.quantum / np.sqrt(12.0), 1e-3)
+        return Laser(self.range_min, self.range_max, sigma, np.array(self.mount))
+
+    def sensor_poses(self, robot: ArrayLike) -> Array:
+        """Poses ``(N, 6)`` of the laser from robot poses (N, 6): x, y, yaw, roll, pitch, z of the ground under it."""
+        x, y, yaw, roll, pitch, z = np.moveaxis(np.asarray(robot, dtype=np.float64), -1, 0)
+        mx, my, mounted_yaw = self.mount
+        if mounted_yaw != 0.0:
+            raise ValueError("a simulated laser looks straight ahead: mount yaw must be 0")
+        forward = np.cos(pitch) * mx + np.sin(pitch) * (np.sin(roll) * my + np.cos(roll) * self.height)
+        left = np.cos(roll) * my - np.sin(roll) * self.height
+        up = -np.sin(pitch) * mx + np.cos(pitch) * (np.sin(roll) * my + np.cos(roll) * self.height)
+        c, s = np.cos(yaw), np.sin(yaw)
+        return np.stack([x + c * forward - s * left, y + s * forward + c * left, yaw, roll, pitch, z + up], -1)
+
+    def scan(self, caster: Raycaster, robot: ArrayLike, rng: np.random.Generator) -> Array:
+        """Ranges ``(N, B)`` m as the laser reports them from robot poses (N, 6), NaN without return."""
+        poses = self.sensor_poses(robot)
+        spread = self.effects.footprint(self.angles)
+        reach = self.range_max + 1.0  # sub-rays beyond the limit still belong to a mixed pixel
+        ranges, cosines = caster.cast_with_incidence(poses, spread.ravel(), reach)
+        shape = (len(poses), *spread.shape)
+        return corruption.corrupt(
+            ranges.reshape(shape), cosines.reshape(shape), self.effects, (self.range_min, self.range_max), rng
+        )

@@ -1,0 +1,1 @@
+"""The library: poses, scans, matching, mapping, pose graph. Imports no other package of the project."""

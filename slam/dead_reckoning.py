@@ -1,0 +1,61 @@
+"""What dead reckoning says of a step, and how far it may be believed.
+
+An INS increments its position in its own world frame, whatever its yaw does (USARSim's INS, report §6.2.4); wheel
+odometry increments in the body frame. The variances were measured on recordings of both kinds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam import se2
+from slam.recording import Recording
+from slam.se2 import Array
+
+INS_WALK = 5e-4
+"""Variance of an INS's position per metre travelled [m²/m]."""
+
+INS_POSITION_FLOOR = 2.0 * 0.003**2
+"""Variance of an INS position increment at rest [m²]."""
+
+
+def predict(recording: Recording, j: int, k: int, pose_j: Array) -> Array:
+    """Pose ``(3,)`` at scan k in the map frame, from the pose at scan j and the recorded increment.
+
+    The map frame is the dead reckoning's: every method starts at the first recorded pose.
+    """
+    before, after = recording.dead_reckoning[j], recording.dead_reckoning[k]
+    if recording.source == "odometry":
+        return se2.compose(pose_j, se2.between(before, after))
+    predicted = pose_j + (after - before)
+    return np.array([predicted[0], predicted[1], float(se2.wrap(predicted[2]))])
+
+
+def step_covariance(recording: Recording, j: int, k: int) -> Array:
+    """Covariance ``(3, 3)`` of the recorded increment from scan j to k.
+
+    For an INS of additive world-frame errors (x, y, yaw); for odometry in the body frame of scan k.
+    """
+    step = se2.between(recording.dead_reckoning[j], recording.dead_reckoning[k])
+    path, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
+    if recording.source == "ins":
+        position = INS_WALK * path + INS_POSITION_FLOOR
+        return np.diag([position, position, 0.006**2 + (0.03 * turn) ** 2])
+    along = 0.01**2 + (0.06 * path) ** 2
+    side = along + (0.10 * turn * path) ** 2
+    return np.diag([along, side, 0.01**2 + (0.10 * turn) ** 2 + (0.04 * path) ** 2])
+
+
+def map_covariance(recording: Recording, j: int, k: int, pose_k: Array) -> Array:
+    """Covariance ``(3, 3)`` of additive map-frame errors of the pose predicted at scan k."""
+    covariance = step_covariance(recording, j, k)
+    if recording.source == "ins":
+        return covariance
+    turned = np.eye(3)
+    turned[:2, :2] = se2.rotation(pose_k[2])
+    return turned @ covariance @ turned.T
+
+
+def body_covariance(recording: Recording, j: int, k: int, pose_k: Array) -> Array:
+    """Covariance ``(3, 3)`` of the predicted step in the body frame of scan k."""
+    return se2.to_body_covariance(pose_k, map_covariance(recording, j, k, pose_k))

@@ -1,0 +1,42 @@
+"""One file per format; `load` recognises which one a recording is in."""
+
+from __future__ import annotations
+
+import re
+from os import PathLike
+from pathlib import Path
+
+from slam.formats import carmen, recording_npz, usarsim
+from slam.formats import relations as relations_file
+from slam.formats.errors import FormatError
+from slam.formats.text import decode, read_bytes
+from slam.recording import Recording
+
+__all__ = ["FormatError", "load"]
+
+ZIP_MAGIC = b"PK\x03\x04"
+USARSIM = re.compile(r"^(# UvA Rescue Team|(SEN|STA|MISSTA|GEO|CONF|NFO|INIT) \{)", re.MULTILINE)
+CARMEN = re.compile(r"^(FLASER|ODOM|ROBOTLASER1|RAWLASER1|PARAM|SYNC)\b", re.MULTILINE)
+
+
+def load(path: str | PathLike[str], relations: str | PathLike[str] | None = None) -> Recording:
+    """Read a recording: USARSim log, CARMEN log (both also gzipped) or recording.npz, recognised by content.
+
+    ``relations`` names a file of true relative poses to score the recording against.
+    Raises `FormatError`, one line naming file and line, for anything that cannot be read.
+    """
+    path = Path(path)
+    recording = _load(path)
+    return recording if relations is None else recording.with_relations(relations_file.read(relations))
+
+
+def _load(path: Path) -> Recording:
+    data = read_bytes(path)
+    if data.startswith(ZIP_MAGIC):
+        return recording_npz.parse(data, path)
+    text = decode(data, path)
+    if USARSIM.search(text):
+        return usarsim.parse(text, path)
+    if CARMEN.search(text):
+        return carmen.parse(text, path)
+    raise FormatError("not a recording: expected a USARSim log, a CARMEN log or a recording.npz", path)

@@ -1,0 +1,181 @@
+"""CARMEN logs: one message per line, stamped by the sender.
+
+``FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp`` and
+``ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp``; the newer ``ROBOTLASER1`` also states its
+field of view. Lines keep their order: stamps of different senders may go backwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from slam import se2
+from slam.formats.errors import FormatError
+from slam.formats.text import decode, numbers, range_matrix, read_bytes, recording_name
+from slam.recording import Laser, Odometry, Recording
+from slam.se2 import Array
+
+SICK_RANGE_MAX = 80.0
+"""Reach of a SICK LMS 2xx [m]; it reports 81.83 .. 81.91, its error codes, for a beam without return."""
+RANGE_MIN = 0.1
+SIGMA_RANGE = 0.01
+"""SICK lasers resolve one centimetre [m]."""
+MOUNT_TOLERANCE = 2e-3
+"""Laser and robot poses are logged apart: their difference is a mount if it stays within this [m, rad]."""
+
+NAMES = ("ODOM", "FLASER", "ROBOTLASER1")
+
+
+@dataclass
+class _Log:
+    """What the lines of one log said so far."""
+
+    path: Path
+    odometry: list[list[float]] = field(default_factory=list)  # stamp, x, y, theta
+    rows: list[list[float]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+    scans: list[list[float]] = field(default_factory=list)  # stamp, laser x y theta, robot x y theta
+    scan_row: list[int] = field(default_factory=list)
+    geometry: list[float] | None = None  # ROBOTLASER1: start angle, field of view, resolution, maximum range
+
+
+def read(path: str | PathLike[str]) -> Recording:
+    """Read a CARMEN log, plain or gzipped. Raises `FormatError` naming file and line."""
+    path = Path(path)
+    return parse(decode(read_bytes(path), path), path)
+
+
+def parse(text: str, path: Path) -> Recording:
+    """Recording from the text of a CARMEN log; ``path`` names it in errors.
+
+    Reads ``FLASER``, or ``ROBOTLASER1`` in a log without. Each scan's dead reckoning is the robot pose on its
+    own line. Raises `FormatError`.
+    """
+    _check_last_line(text, path)
+    log = _Log(path)
+    laser_name = "FLASER" if text.startswith("FLASER ") or "\nFLASER " in text else "ROBOTLASER1"
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.startswith("ODOM "):
+            log.odometry.append(_odom(line.split(), path, number))
+        elif line.startswith(laser_name + " "):
+            _read_scan(log, line.split(), number)
+    ranges = range_matrix(log.rows, log.lines, path)
+    scans, odometry = np.array(log.scans), np.array(log.odometry)
+    laser = _laser(log, ranges, scans)
+    ranges[(ranges >= laser.range_max) | (ranges < laser.range_min)] = np.nan
+    full_rate = None
+    if len(odometry) > len(scans):
+        full_rate = Odometry(time=odometry[:, 0], poses=odometry[:, 1:], scan_row=np.array(log.scan_row))
+    return Recording(
+        name=recording_name(path),
+        time=scans[:, 0],
+        ranges=ranges,
+        angles=_angles(log, ranges.shape[1]),
+        laser=laser,
+        dead_reckoning=scans[:, 4:7],
+        source="odometry",
+        odometry=full_rate,
+    )
+
+
+def _odom(words: list[str], path: Path, line: int) -> list[float]:
+    if len(words) != 10:
+        raise FormatError(f"ODOM of {len(words) - 1} values, expected 9: cut in the middle?", path, line)
+    x, y, theta, stamp = numbers([*words[1:4], words[7]], "ODOM", path, line)
+    return [stamp, x, y, theta]
+
+
+def _read_scan(log: _Log, words: list[str], line: int) -> None:
+    """Append a scan, and its robot pose to the odometry unless an ODOM line just before had that stamp."""
+    values = _flaser(words, log.path, line) if words[0] == "FLASER" else _robotlaser(log, words, line)
+    ranges, stamp, laser_pose, robot_pose = values
+    log.rows.append(ranges)
+    log.lines.append(line)
+    log.scans.append([stamp, *laser_pose, *robot_pose])
+    if not log.odometry or log.odometry[-1][0] != stamp:
+        log.odometry.append([stamp, *robot_pose])
+    log.scan_row.append(len(log.odometry) - 1)
+
+
+_Scan = tuple[list[float], float, list[float], list[float]]
+
+
+def _flaser(words: list[str], path: Path, line: int) -> _Scan:
+    count = _count(words, 1, "FLASER", path, line)
+    if len(words) != count + 11:
+        message = f"FLASER of {len(words) - 2} values, expected {count} ranges and 9 more: cut in the middle?"
+        raise FormatError(message, path, line)
+    ranges = numbers(words[2 : 2 + count], "FLASER range", path, line)
+    rest = numbers(words[2 + count : 9 + count], "FLASER pose and stamp", path, line)
+    return ranges, rest[6], rest[:3], rest[3:6]
+
+
+def _robotlaser(log: _Log, words: list[str], line: int) -> _Scan:
+    """``type start fov resolution max accuracy mode n r1..rn m rem1..m``, two poses, 5, stamp."""
+    path = log.path
+    count = _count(words, 8, "ROBOTLASER1", path, line)
+    remissions = _count(words, 9 + count, "ROBOTLASER1 remission", path, line)
+    poses = 10 + count + remissions
+    if len(words) != poses + 14:
+        message = f"ROBOTLASER1 of {len(words) - 1} values, expected {poses + 13}: cut in the middle?"
+        raise FormatError(message, path, line)
+    if log.geometry is None:
+        log.geometry = numbers(words[2:6], "ROBOTLASER1 geometry", path, line)
+    ranges = numbers(words[9 : 9 + count], "ROBOTLASER1 range", path, line)
+    rest = numbers([*words[poses : poses + 6], words[poses + 11]], "ROBOTLASER1 pose and stamp", path, line)
+    return ranges, rest[6], rest[:3], rest[3:6]
+
+
+def _count(words: list[str], index: int, what: str, path: Path, line: int) -> int:
+    word = words[index] if index < len(words) else "nothing"
+    if not word.isdigit():
+        raise FormatError(f"{what} count is {word[:20]!r}, expected a whole number", path, line)
+    return int(word)
+
+
+def _laser(log: _Log, ranges: Array, scans: Array) -> Laser:
+    """Limits and mount; the mount is what separates laser and robot pose, where that stays constant."""
+    range_max = SICK_RANGE_MAX
+    if log.geometry is not None and log.geometry[3] > RANGE_MIN:
+        range_max = min(range_max, log.geometry[3])
+    T_robot_laser = se2.between(scans[:, 4:7], scans[:, 1:4])
+    mount = T_robot_laser[0]
+    spread = np.abs(se2.between(mount, T_robot_laser)).max()
+    if spread > MOUNT_TOLERANCE or np.abs(mount).max() < MOUNT_TOLERANCE:
+        mount = np.zeros(3)
+    return Laser(range_min=RANGE_MIN, range_max=range_max, sigma_range=SIGMA_RANGE, T_robot_laser=mount)
+
+
+def _angles(log: _Log, beams: int) -> Array:
+    """Beam angles ``(B,)``, from -90° for FLASER: 180 or 181 beams 1° apart, 360 or 361 half a degree.
+
+    With 180 beams the field of view is -90° to 89°, not centred: Intel's map is sharpest so.
+    """
+    if log.geometry is not None:
+        start, field_of_view, resolution, _ = log.geometry
+        if resolution <= 0.0:
+            resolution = field_of_view / max(beams - 1, 1)
+        if not 0.0 < resolution * (beams - 1) < 6.3:
+            message = f"ROBOTLASER1 of {beams} beams {resolution:g} rad apart, expected less than a full turn"
+            raise FormatError(message, log.path, log.lines[0])
+        return start + resolution * np.arange(beams, dtype=np.float64)
+    if beams in (180, 181):
+        step = 1.0
+    elif beams in (360, 361):
+        step = 0.5
+    else:
+        message = f"FLASER of {beams} beams, expected 180, 181, 360 or 361: the line states no field of view"
+        raise FormatError(message, log.path, log.lines[0])
+    return np.deg2rad(-90.0 + step * np.arange(beams, dtype=np.float64))
+
+
+def _check_last_line(text: str, path: Path) -> None:
+    """A log cut in its last line has no newline there; a cut keyword would pass as an unknown message."""
+    head, _, last = text.rpartition("\n")
+    if last and any(name.startswith(last) for name in NAMES):
+        line = head.count("\n") + 2 if head else 1
+        raise FormatError(f"line ends in {last!r}, expected a message: cut in the middle?", path, line)

@@ -1,0 +1,34 @@
+"""Relative poses known to be true, as published with the SLAM benchmark of Kümmerle et al. 2009."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from slam.formats.errors import FormatError
+from slam.formats.text import decode, numbers, read_bytes
+from slam.recording import Relations
+
+COLUMNS = "t1 t2 x y z roll pitch yaw"
+
+
+def read(path: str | PathLike[str]) -> Relations:
+    """Read lines ``t1 t2 x y z roll pitch yaw`` [s, m, rad]: the pose at t2 in the frame of the pose at t1.
+
+    z, roll and pitch are dropped. Raises `FormatError` naming file and line.
+    """
+    path = Path(path)
+    rows = []
+    for number, line in enumerate(decode(read_bytes(path), path).split("\n"), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        if len(words) != 8:
+            raise FormatError(f"relation of {len(words)} values, expected 8: {COLUMNS}", path, number)
+        rows.append(numbers(words, "relation", path, number))
+    if not rows:
+        raise FormatError(f"no relations, expected lines of {COLUMNS}", path)
+    table = np.array(rows)
+    return Relations(stamps=table[:, :2], T_12=table[:, [2, 3, 7]])

@@ -1,0 +1,92 @@
+"""Reading text files of numbers, and saying in one line what is wrong with them."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from slam.formats.errors import FormatError
+from slam.se2 import Array
+
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+def read_bytes(path: Path) -> bytes:
+    """The file's bytes, unpacked where it is gzipped.
+
+    Raises `FormatError` for a file that is missing, unreadable, a directory, empty, or a torn gzip.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise FormatError("no such file", path) from None
+    except IsADirectoryError:
+        raise FormatError("is a directory, expected a file", path) from None
+    except OSError as error:
+        raise FormatError(f"cannot be read: {error.strerror}", path) from None
+    if data.startswith(GZIP_MAGIC):
+        try:
+            data = gzip.decompress(data)
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise FormatError(f"torn gzip file ({error}), expected a complete one", path) from None
+    if not data.strip():
+        raise FormatError("the file is empty", path)
+    return data
+
+
+def decode(data: bytes, path: Path) -> str:
+    """``data`` as text with ``\\n`` line ends. Raises `FormatError` where it is binary."""
+    nul = data.find(b"\0")
+    if nul >= 0:
+        raise FormatError("binary data, expected text", path, data.count(b"\n", 0, nul) + 1)
+    return data.decode("utf-8", errors="replace").replace("\r\n", "\n")
+
+
+def numbers(words: Sequence[str], what: str, path: Path, line: int) -> list[float]:
+    """The words as floats. Raises `FormatError` naming the first that is none, or is not finite."""
+    try:
+        values = list(map(float, words))
+    except ValueError:
+        values = []
+    if len(values) != len(words) or not np.isfinite(values).all():
+        index, bad = next((i, word) for i, word in enumerate(words) if not _is_finite(word))
+        raise FormatError(f"{what}: value {index + 1} is {bad[:20]!r}, expected a finite number", path, line)
+    return values
+
+
+def _is_finite(word: str) -> bool:
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False
+
+
+def range_matrix(rows: list[list[float]], lines: list[int], path: Path) -> Array:
+    """Ranges ``(N, B)`` [m] from one list per scan, each read in the line of the same index.
+
+    Raises `FormatError` when there is no scan, the number of beams changes, or a range is negative.
+    """
+    if not rows or not rows[0]:
+        raise FormatError("no range scans, expected at least one", path)
+    beams = len(rows[0])
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != beams:
+            raise FormatError(f"scan of {len(row)} ranges, expected {beams} as in the first scan", path, line)
+    ranges = np.array(rows)
+    if (ranges < 0.0).any():
+        scan, beam = np.argwhere(ranges < 0.0)[0]
+        message = f"range {beam + 1} is {ranges[scan, beam]:g}, expected metres >= 0"
+        raise FormatError(message, path, lines[scan])
+    return ranges
+
+
+def recording_name(path: Path) -> str:
+    """``intel.raw`` for ``intel.raw.log.gz``."""
+    name = path.name
+    for suffix in (".gz", ".log", ".txt", ".npz"):
+        name = name.removesuffix(suffix)
+    return name or path.name

@@ -1,0 +1,274 @@
+"""Logs of the UvA Rescue Team's commander, driving robots in USARSim.
+
+Lines like ``SEN {Time 6063.1} {Type GroundTruth} {Location x,y,z} {Orientation roll,pitch,yaw}``. USARSim's
+axes are x forward, y right, z down; here y, yaw and pitch change sign. Beams are printed from right to left,
+which is counter-clockwise.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from slam.formats.errors import FormatError
+from slam.formats.text import decode, numbers, range_matrix, read_bytes, recording_name
+from slam.recording import Laser, Recording, Source
+from slam.se2 import Array, rotation, wrap
+
+ROTATOR_UNIT = np.pi / 32768.0
+"""The Unreal engine counts angles in whole steps of this size [rad]."""
+DEFAULT_LIMITS = {"MinRange": 0.1, "MaxRange": 20.0}
+"""Limits [m] of USARSim's standard range scanner, for logs without a CONF line."""
+RANGE_NOISE = 1e-3
+"""Older scanners print a beam without return as the maximum range less up to this share of it."""
+SIGMA_RANGE = 0.01
+"""Ranges are printed with two decimals [m]."""
+
+TORN_LINE = "line ends in {!r}, expected a closing brace: cut in the middle?"
+FIELD = re.compile(r"\{(\w+) +([^{}]*)\}")
+TIME = re.compile(r"\{Time +([^{} ]+) *\}")
+POSE_FIELDS = {
+    "GroundTruth": ("Location", "Orientation"),
+    "INS": ("Location", "Orientation"),
+    "Odometry": ("Pose",),
+}
+FLIP = {6: np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]), 3: np.array([1.0, -1.0, -1.0])}
+"""From y right, z down to y left, z up: of (x, y, z, roll, pitch, yaw) and of (x, y, yaw)."""
+
+
+@dataclass
+class _Poses:
+    """One pose sensor's records in file order, and how many of them precede each scan."""
+
+    times: list[float] = field(default_factory=list)
+    values: list[list[float]] = field(default_factory=list)
+    before_scan: list[int] = field(default_factory=list)
+
+    def at_scans(self, scan_times: Array) -> Array:
+        """Interpolated ``(N, 3 or 6)``, between the records before and after each scan in file order."""
+        times, values = np.array(self.times), np.array(self.values)
+        values = values * FLIP[values.shape[1]]
+        angles = slice(2, 3) if values.shape[1] == 3 else slice(3, 6)
+        values[:, angles] = np.unwrap(values[:, angles], axis=0)
+        after = np.array(self.before_scan)
+        last = np.clip(after - 1, 0, len(times) - 1)
+        following = np.clip(after, 0, len(times) - 1)
+        gap = times[following] - times[last]
+        share = np.where(gap > 0.0, (scan_times - times[last]) / np.where(gap > 0.0, gap, 1.0), 0.0)
+        share = np.clip(share, 0.0, 1.0)[:, None]
+        result = values[last] + share * (values[following] - values[last])
+        result[:, angles] = wrap(result[:, angles])
+        return result
+
+
+@dataclass
+class _Log:
+    """What the lines of one log said so far."""
+
+    path: Path
+    now: float = np.nan
+    spawn_yaw: float = 0.0
+    scanner: str | None = None
+    scan: dict[str, str] = field(default_factory=dict)
+    scan_times: list[float] = field(default_factory=list)
+    scan_lines: list[int] = field(default_factory=list)
+    rows: list[list[float]] = field(default_factory=list)
+    poses: dict[str, _Poses] = field(default_factory=lambda: {kind: _Poses() for kind in POSE_FIELDS})
+    devices: dict[str, dict[str, tuple[int, str]]] = field(default_factory=dict)
+
+
+def read(path: str | PathLike[str]) -> Recording:
+    """Read a USARSim log. Raises `FormatError` naming file and line."""
+    path = Path(path)
+    return parse(decode(read_bytes(path), path), path)
+
+
+def parse(text: str, path: Path) -> Recording:
+    """Recording from the text of a USARSim log; ``path`` names it in errors.
+
+    Dead reckoning is the INS where there is one, else the odometry, interpolated in time at the scans. Of a
+    robot with several range scanners the first to speak is read. Raises `FormatError`.
+    """
+    log = _Log(path)
+    for number, line in enumerate(text.split("\n"), start=1):
+        _read_line(log, line, number)
+    _check_last_line(text, path)
+    ranges = range_matrix(log.rows, log.scan_lines, path)
+    time = _scan_times(log)
+    laser = _laser(log)
+    ranges[(ranges >= (1.0 - RANGE_NOISE) * laser.range_max) | (ranges < laser.range_min)] = np.nan
+    source, reckoned = _dead_reckoning(log, time)
+    truth = log.poses["GroundTruth"]
+    return Recording(
+        name=recording_name(path),
+        time=time,
+        ranges=ranges,
+        angles=_angles(log, ranges.shape[1]),
+        laser=laser,
+        dead_reckoning=_planar(reckoned),
+        source=source,
+        attitude=reckoned[:, 3:5] if source == "ins" else None,
+        truth=_planar(truth.at_scans(time)) if truth.times else None,
+    )
+
+
+def _read_line(log: _Log, line: str, number: int) -> None:
+    word = line[:4]
+    if word not in ("SEN ", "STA ", "GEO ", "CONF", "INIT", "MISS"):
+        return
+    if not line.rstrip().endswith("}"):
+        _fail(log, number, TORN_LINE.format(line[-20:]))
+    stamp = TIME.search(line)
+    time = numbers([stamp[1]], "Time", log.path, number)[0] if stamp else log.now
+    if not (time < log.now and "{Type RangeScanner}" in line):  # older scanners stamp one tick late
+        log.now = time
+    if word == "SEN ":
+        _read_sensor(log, line, number, time)
+    elif word == "INIT":
+        rotation_rpy = _devices(line)[1].get("Rotation")
+        if rotation_rpy:
+            log.spawn_yaw = _triple(log, number, "Rotation", rotation_rpy)[2]
+    elif word in ("GEO ", "CONF") and "{Type RangeScanner}" in line:
+        for name, entries in _devices(line)[0].items():
+            known = log.devices.setdefault(name, {})
+            known.update({key: (number, value) for key, value in entries.items()})
+
+
+def _read_sensor(log: _Log, line: str, number: int, time: float) -> None:
+    start = line.find("{Type ")
+    if start < 0:
+        _fail(log, number, "SEN without {Type ...}")
+    kind = line[start + 6 : line.find("}", start)].strip()
+    if kind == "RangeScanner":
+        _read_scan(log, dict(FIELD.findall(line)), number, time)
+    elif kind in POSE_FIELDS:
+        fields = dict(FIELD.findall(line))
+        poses = log.poses[kind]
+        value: list[float] = []
+        for key in POSE_FIELDS[kind]:
+            value += _triple(log, number, f"{kind} {key}", fields.get(key))
+        poses.times.append(time)
+        poses.values.append(value)
+
+
+def _read_scan(log: _Log, fields: dict[str, str], number: int, time: float) -> None:
+    if "Range" not in fields:
+        _fail(log, number, "RangeScanner without {Range r1,r2,...}")
+    name = fields.get("Name", "")
+    if log.scanner is None:
+        log.scanner, log.scan = name, fields
+    if name != log.scanner:
+        return
+    log.rows.append(numbers(fields["Range"].split(","), "Range", log.path, number))
+    log.scan_times.append(time)
+    log.scan_lines.append(number)
+    for poses in log.poses.values():
+        poses.before_scan.append(len(poses.times))
+
+
+def _devices(line: str) -> tuple[dict[str, dict[str, str]], dict[str, str]]:
+    """Entries per device name and of the whole line: ``{Name A} {Key v}``, formerly ``{Name A Key v}``."""
+    words = line.replace("{", " ").replace("}", " ").split()[1:]
+    pairs = list(zip(words[::2], words[1::2], strict=False))
+    devices: dict[str, dict[str, str]] = {}
+    for key, value in pairs:
+        if key == "Name":
+            current = devices.setdefault(value, {})
+        elif devices:
+            current[key] = value
+    return devices, dict(pairs)
+
+
+def _scan_times(log: _Log) -> Array:
+    """Stamps ``(N,)``; records before the first stamp of the log get that stamp."""
+    times = np.array(log.scan_times)
+    lists = [log.scan_times, *(poses.times for poses in log.poses.values())]
+    first = next((t for t in np.sort(np.concatenate(lists)) if np.isfinite(t)), None)
+    if first is None:
+        raise FormatError("no time stamps, expected {Time seconds}", log.path)
+    for poses in log.poses.values():
+        poses.times = [first if np.isnan(t) else t for t in poses.times]
+    return np.where(np.isnan(times), first, times)
+
+
+def _dead_reckoning(log: _Log, time: Array) -> tuple[Source, Array]:
+    if log.poses["INS"].times:
+        return "ins", log.poses["INS"].at_scans(time)
+    if log.poses["Odometry"].times:
+        return "odometry", log.poses["Odometry"].at_scans(time)
+    raise FormatError("no dead reckoning, expected SEN {Type INS} or {Type Odometry}", log.path)
+
+
+def _planar(values: Array) -> Array:
+    """``(N, 3)`` x, y, yaw of ``(N, 3)`` or of x, y, z, roll, pitch, yaw ``(N, 6)``."""
+    return values if values.shape[1] == 3 else values[:, [0, 1, 5]]
+
+
+def _laser(log: _Log) -> Laser:
+    """Limits from CONF, mount from GEO, which prints the offset along the world's axes at the spawn pose."""
+    known = log.devices.get(log.scanner or "", {})
+    limits = dict(DEFAULT_LIMITS)
+    for key in limits.keys() & known.keys():
+        line, value = known[key]
+        limits[key] = numbers([value], key, log.path, line)[0]
+    low, high = limits["MinRange"], limits["MaxRange"]
+    if not 0.0 <= low < high:
+        raise FormatError(f"MinRange {low:g}, MaxRange {high:g}, expected 0 <= MinRange < MaxRange", log.path)
+    mount = np.zeros(3)
+    if "Location" in known:
+        line, location = known["Location"]
+        offset = np.array(_triple(log, line, "Location", location)[:2])
+        mount[:2] = (rotation(-log.spawn_yaw) @ offset) * (1.0, -1.0)
+    if "Orientation" in known:
+        line, orientation = known["Orientation"]
+        mount[2] = -wrap(_triple(log, line, "Orientation", orientation)[2])
+    mount = np.round(mount, 4) + 0.0  # as many decimals as are printed; never -0.0
+    return Laser(range_min=low, range_max=high, sigma_range=SIGMA_RANGE, T_robot_laser=mount)
+
+
+def _angles(log: _Log, beams: int) -> Array:
+    """Beam angles ``(B,)``, from -FOV/2 up.
+
+    The simulator steps by a whole number of rotator units until it passes +FOV/2, so the last beam may fall
+    short of it. The printed Resolution is rounded: the step is the one that gives this many beams.
+    """
+    line = log.scan_lines[0]
+    for name in ("FOV", "Fov"):
+        if name in log.scan:
+            fov = numbers([log.scan[name]], name, log.path, line)[0]
+            break
+    else:
+        _fail(log, line, "RangeScanner without {FOV radians}")
+    if beams < 2 or not 0.0 < fov < 6.3:
+        _fail(log, line, f"{beams} beams over {fov:g} rad, expected at least 2 over at most a full turn")
+    if "Resolution" in log.scan:
+        printed = numbers([log.scan["Resolution"]], "Resolution", log.path, line)[0]
+        around = np.arange(np.ceil((printed - 5e-5) / ROTATOR_UNIT), (printed + 5e-5) / ROTATOR_UNIT)
+        for step in around[around > 0] * ROTATOR_UNIT:
+            if int(fov / step) + 1 == beams:
+                return -0.5 * fov + step * np.arange(beams)
+    return np.linspace(-0.5 * fov, 0.5 * fov, beams)
+
+
+def _triple(log: _Log, line: int, what: str, text: str | None) -> list[float]:
+    words = [] if text is None else text.split(",")
+    if len(words) != 3:
+        _fail(log, line, f"{what}: {len(words)} values, expected 3")
+    return numbers(words, what, log.path, line)
+
+
+def _check_last_line(text: str, path: Path) -> None:
+    """A log cut in the middle of a line has no newline at its end, and no closing brace either."""
+    head, _, last = text.rpartition("\n")
+    if last.strip() and not last.startswith("#") and not last.rstrip().endswith("}"):
+        line = head.count("\n") + 2 if head else 1
+        raise FormatError(TORN_LINE.format(last[-20:]), path, line)
+
+
+def _fail(log: _Log, line: int, message: str) -> NoReturn:
+    raise FormatError(message, log.path, line)

@@ -1,0 +1,212 @@
+"""Recording → Track: every scan matched to what was seen just before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from slam import confidence, dead_reckoning, se2
+from slam.matching import Match, MatchConfig, NoMatch, Reference, match
+from slam.matching.match import CovarianceMode, Method
+from slam.recording import Recording
+from slam.scan import Scan, scans_of
+from slam.se2 import Array
+from slam.track import Track, Verdict
+
+MANY = 10_000.0
+"""ManifoldSLAM gives up on a variance above this, in mm² and rad² alike."""
+
+
+@dataclass(frozen=True)
+class FrontendConfig:
+    """Settings of the front end.
+
+    ``seed_mode``: the guess is the absolute dead-reckoned pose (ManifoldSLAM) or the last pose moved by the
+    recorded increment. ``reference``: one scan, or the last ``map_scans`` keyframes. A scan is skipped until the
+    robot moved ``skip_distance`` m on an axis or turned ``skip_angle`` rad, and becomes a keyframe ``extend_distance`` m
+    or ``extend_angle`` rad away from the last one. ``trust_dead_reckoning`` weighs the increment as a prior in
+    the match. Scans tilted more than ``tilt_limit`` rad from the recent attitude are not matched.
+    """
+
+    seed_mode: Literal["absolute", "incremental"] = "incremental"
+    reference: Literal["scan", "local_map"] = "local_map"
+    method: Method = "plicp"
+    covariance: CovarianceMode = "p2l"
+    match: MatchConfig = field(default_factory=lambda: MatchConfig(mutual=False, fade=0.02, least_pairs=15))
+    skip_distance: float = 0.0
+    skip_angle: float = 0.0
+    extend_distance: float = 0.2
+    extend_angle: float = np.radians(8.0)
+    map_scans: int = 15
+    trust_dead_reckoning: bool = True
+    tilt_limit: float = np.radians(5.0)
+
+
+MANIFOLD_SLAM = FrontendConfig(
+    seed_mode="absolute",
+    reference="scan",
+    method="wsm",
+    covariance="joint",
+    match=MatchConfig(radii=(0.5,), mutual=True, most_iterations=80),
+    skip_distance=0.02,
+    skip_angle=np.radians(2.0),
+    extend_distance=0.2,
+    extend_angle=np.radians(5.0),
+    trust_dead_reckoning=False,
+    tilt_limit=np.inf,
+)
+"""ManifoldSLAM as UsarCommander ran it for the report, including the absolute seed that tears its maps."""
+
+
+@dataclass
+class _State:
+    """What the loop carries from scan to scan."""
+
+    poses: Array
+    verdict: np.ndarray
+    reference: np.ndarray
+    covariance: Array
+    matched_covariance: Array
+    information: Array
+    matches: np.ndarray
+    keyframes: list[int]
+    last: int = 0
+
+
+def track(recording: Recording, config: FrontendConfig = FrontendConfig()) -> Track:
+    """Pose, covariance and verdict for each of the N scans; the map frame is the dead reckoning's."""
+    scans = scans_of(recording)
+    tilted = tilted_scans(recording, config.tilt_limit)
+    state = _start(recording)
+    local = _reference(state, scans, config)
+    for k in range(1, len(recording)):
+        seed = _seed(recording, state, k, config)
+        if not _moved(recording, state.last, k, config):
+            state.poses[k] = state.poses[state.last]
+            continue
+        result = (
+            NoMatch("tilted")
+            if tilted[k]
+            else _match(recording, state, local, Reference(scans[k]), k, seed, config)
+        )
+        _accept(recording, state, k, seed, result, config)
+        if _extends(state, k, config) and (config.reference == "scan" or not tilted[k]):
+            state.keyframes.append(k)
+            local = _reference(state, scans, config)
+    return _finish(state)
+
+
+def tilted_scans(recording: Recording, limit: float, window: int = 101) -> np.ndarray:
+    """Scans ``(N,)`` bool whose roll or pitch is more than ``limit`` rad off its running median.
+
+    The INS's absolute tilt is useless after a shock; its change is not. All False without attitude.
+    """
+    from scipy.ndimage import median_filter
+
+    if recording.attitude is None or not np.isfinite(limit):
+        return np.zeros(len(recording), dtype=bool)
+    unwrapped = np.unwrap(recording.attitude, axis=0)
+    recent = median_filter(unwrapped, size=(min(window, len(recording)), 1), mode="nearest")
+    return np.any(np.abs(unwrapped - recent) > limit, axis=1)
+
+
+def _start(recording: Recording) -> _State:
+    n = len(recording)
+    poses = np.zeros((n, 3))
+    poses[0] = recording.dead_reckoning[0]
+    return _State(
+        poses=poses,
+        verdict=np.full(n, Verdict.SKIPPED, dtype=np.int8),
+        reference=np.full(n, -1, dtype=np.int64),
+        covariance=np.full((n, 3, 3), np.nan),
+        matched_covariance=np.full((n, 3, 3), np.nan),
+        information=np.zeros((n, 3, 3)),
+        matches=np.zeros(n, dtype=np.int64),
+        keyframes=[0],
+    )
+
+
+def _seed(recording: Recording, state: _State, k: int, config: FrontendConfig) -> Array:
+    if config.seed_mode == "absolute":
+        return recording.dead_reckoning[k]
+    return dead_reckoning.predict(recording, state.last, k, state.poses[state.last])
+
+
+def _moved(recording: Recording, j: int, k: int, config: FrontendConfig) -> bool:
+    step = np.abs(se2.between(recording.dead_reckoning[j], recording.dead_reckoning[k]))
+    return bool(np.any(step >= [config.skip_distance, config.skip_distance, config.skip_angle]))
+
+
+def _reference(state: _State, scans: list[Scan], config: FrontendConfig) -> Reference:
+    """The keyframes to match against: one scan in its own frame, or several in the map frame."""
+    if config.reference == "scan":
+        return Reference(scans[state.keyframes[-1]])
+    recent = state.keyframes[-config.map_scans :]
+    return Reference(Scan.merged([scans[i].transformed(state.poses[i]) for i in recent]))
+
+
+def _match(
+    recording: Recording,
+    state: _State,
+    local: Reference,
+    scan: Reference,
+    k: int,
+    seed: Array,
+    config: FrontendConfig,
+) -> Match | NoMatch:
+    """The scan's pose in the map frame."""
+    prior = None
+    if config.trust_dead_reckoning:
+        prior = np.linalg.inv(dead_reckoning.map_covariance(recording, state.last, k, seed))
+    origin = state.poses[state.keyframes[-1]] if config.reference == "scan" else np.zeros(3)
+    guess = se2.between(origin, seed)
+    return match(local, scan, guess, config.method, config.covariance, prior, config.match)
+
+
+def _accept(
+    recording: Recording,
+    state: _State,
+    k: int,
+    seed: Array,
+    result: Match | NoMatch,
+    config: FrontendConfig,
+) -> None:
+    """Believe the match, or fall back to the seed with the dead reckoning's covariance."""
+    state.reference[k] = state.keyframes[-1] if config.reference == "scan" else state.last
+    state.matches[k] = result.n_matches
+    if isinstance(result, Match):
+        state.matched_covariance[k] = result.covariance
+    if isinstance(result, Match) and _believed(result):
+        origin = state.poses[state.keyframes[-1]] if config.reference == "scan" else np.zeros(3)
+        state.poses[k] = se2.compose(origin, result.T_reference_scan)
+        state.covariance[k] = result.covariance
+        state.information[k] = se2.to_body_covariance(result.T_reference_scan, result.information)
+        state.verdict[k] = Verdict.MATCHED
+    else:
+        state.poses[k] = seed
+        j = int(state.reference[k])
+        state.covariance[k] = dead_reckoning.body_covariance(recording, j, k, seed)
+        state.verdict[k] = Verdict.FELL_BACK
+    state.last = k
+
+
+def _believed(result: Match) -> bool:
+    variances = np.diag(result.covariance) * [1e6, 1e6, 1.0]
+    return result.converged and bool(np.all(variances <= MANY))
+
+
+def _extends(state: _State, k: int, config: FrontendConfig) -> bool:
+    step = np.abs(se2.between(state.poses[state.keyframes[-1]], state.poses[k]))
+    return bool(np.any(step >= [config.extend_distance, config.extend_distance, config.extend_angle]))
+
+
+def _finish(state: _State) -> Track:
+    tried = state.verdict != Verdict.SKIPPED
+    failed = tried & np.isnan(state.matched_covariance[:, 0, 0])
+    evidence = confidence.Evidence(state.matched_covariance, state.matches, tried, failed)
+    return Track(
+        state.poses, state.verdict, state.reference, state.covariance, state.information,
+        state.matches, confidence.columns(evidence),
+    )  # fmt: skip

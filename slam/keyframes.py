@@ -1,0 +1,40 @@
+"""Keyframes: the scans that stand for the drive, and how the others follow them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam import se2
+from slam.se2 import Array
+
+
+def choose(poses: Array, distance: float = 0.15, angle: float = np.radians(7.0)) -> np.ndarray:
+    """Indices ``(K,)`` of the poses ``(N, 3)`` that lie ``distance`` m or ``angle`` rad from the one chosen before;
+    the first and the last are always among them."""
+    chosen = [0]
+    for k in range(1, len(poses)):
+        step = se2.between(poses[chosen[-1]], poses[k])
+        if np.hypot(step[0], step[1]) >= distance or abs(step[2]) >= angle:
+            chosen.append(k)
+    if chosen[-1] != len(poses) - 1:
+        chosen.append(len(poses) - 1)
+    return np.array(chosen)
+
+
+def carry(poses: Array, rows: np.ndarray, corrected: Array) -> Array:
+    """All poses ``(N, 3)`` after the poses at ``rows (K,)`` became ``corrected (K, 3)``.
+
+    The correction between two rows is spread along the path travelled between them; before the first and after the
+    last row it is that row's own.
+    """
+    path = se2.path_length(poses) + 1e-9 * np.arange(len(poses))
+    before = np.clip(np.searchsorted(rows, np.arange(len(poses)), side="right") - 1, 0, len(rows) - 1)
+    after = np.minimum(before + 1, len(rows) - 1)
+    moved = se2.compose(corrected[before], se2.between(poses[rows[before]], poses))
+    target = se2.compose(corrected[before], se2.between(poses[rows[before]], poses[rows[after]]))
+    gap = path[rows[after]] - path[rows[before]]
+    share = np.where(gap > 0.0, (path - path[rows[before]]) / np.where(gap > 0.0, gap, 1.0), 0.0)
+    residual = se2.log(se2.between(target, corrected[after]))
+    carried = se2.compose(moved, se2.exp(np.clip(share, 0.0, 1.0)[:, None] * residual))
+    carried[rows] = corrected
+    return carried

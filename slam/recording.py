@@ -1,0 +1,133 @@
+"""What a robot logged: laser scans, dead reckoning and, where there is one, the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+
+from slam import se2
+from slam.se2 import Array
+
+Source = Literal["ins", "odometry"]
+
+
+@dataclass(frozen=True)
+class Laser:
+    """A planar laser: limits and noise in metres, mount ``T_robot_laser (3,)`` (m, m, rad)."""
+
+    range_min: float = 0.1
+    range_max: float = 20.0
+    sigma_range: float = 0.01
+    T_robot_laser: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.range_min < self.range_max:
+            raise ValueError(f"laser limits: expected 0 <= {self.range_min} < {self.range_max}")
+        if not self.sigma_range > 0.0:
+            raise ValueError(f"laser noise: expected sigma_range > 0, got {self.sigma_range}")
+        object.__setattr__(self, "T_robot_laser", _checked("T_robot_laser", self.T_robot_laser, (3,)))
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """Dead reckoning at its full rate, in file order.
+
+    ``time (M,)`` s, ``poses (M, 3)``, and ``scan_row (N,)``: the row in force when each scan was taken.
+    """
+
+    time: Array
+    poses: Array
+    scan_row: np.ndarray
+
+    def __post_init__(self) -> None:
+        m = len(self.time)
+        object.__setattr__(self, "time", _checked("odometry time", self.time, (m,)))
+        object.__setattr__(self, "poses", _checked("odometry poses", self.poses, (m, 3)))
+        rows = np.asarray(self.scan_row, dtype=np.int64)
+        if rows.size and not (0 <= rows.min() and rows.max() < m):
+            raise ValueError(f"odometry scan_row: expected rows in 0..{m - 1}")
+        object.__setattr__(self, "scan_row", rows)
+
+
+@dataclass(frozen=True)
+class Relations:
+    """Relative poses known to be true (Kümmerle et al. 2009): ``T_12 (K, 3)`` between ``stamps (K, 2)`` s."""
+
+    stamps: Array
+    T_12: Array
+
+    def __post_init__(self) -> None:
+        k = len(self.stamps)
+        object.__setattr__(self, "stamps", _checked("relation stamps", self.stamps, (k, 2)))
+        object.__setattr__(self, "T_12", _checked("relation poses", self.T_12, (k, 3)))
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One drive. Arrays are in file order; N scans of B beams.
+
+    ``ranges (N, B)`` m with NaN for a beam without return, ``angles (B,)`` rad increasing counter-clockwise in
+    the laser frame, ``dead_reckoning (N, 3)`` robot poses at the scans. With ``source="ins"`` position
+    increments live in the INS's own world frame; with ``"odometry"`` in the body frame. ``attitude (N, 2)`` is
+    (roll, pitch) rad as the INS says, ``truth (N, 3)`` robot poses of a simulator or tracker.
+
+    Raises ``ValueError`` when shapes disagree or a value that must be finite is not.
+    """
+
+    name: str
+    time: Array
+    ranges: Array
+    angles: Array
+    laser: Laser
+    dead_reckoning: Array
+    source: Source = "odometry"
+    odometry: Odometry | None = None
+    attitude: Array | None = None
+    truth: Array | None = None
+    relations: Relations | None = None
+
+    def __post_init__(self) -> None:
+        n, b = len(self.time), len(self.angles)
+        if n == 0:
+            raise ValueError("a recording needs at least one scan")
+        object.__setattr__(self, "time", _checked("time", self.time, (n,)))
+        object.__setattr__(self, "angles", _checked("angles", self.angles, (b,)))
+        object.__setattr__(self, "ranges", _checked("ranges", self.ranges, (n, b), finite=False))
+        object.__setattr__(self, "dead_reckoning", _checked("dead_reckoning", self.dead_reckoning, (n, 3)))
+        if b > 1 and np.any(np.diff(self.angles) <= 0.0):
+            raise ValueError("angles must increase (counter-clockwise)")
+        if self.source not in get_args(Source):
+            raise ValueError(f"source: expected one of {get_args(Source)}, got {self.source!r}")
+        for name, width in (("attitude", 2), ("truth", 3)):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, _checked(name, value, (n, width)))
+        if self.odometry is not None and len(self.odometry.scan_row) != n:
+            raise ValueError(f"odometry scan_row: expected {n} rows, got {len(self.odometry.scan_row)}")
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @cached_property
+    def distance(self) -> float:
+        """Distance driven [m]: along the truth where there is one, else along the dead reckoning."""
+        return float(se2.path_length(self.dead_reckoning if self.truth is None else self.truth)[-1])
+
+    def with_relations(self, relations: Relations) -> Recording:
+        """The same drive, to be scored against these relations."""
+        return replace(self, relations=relations)
+
+    def with_laser_mount(self, T_robot_laser: Array) -> Recording:
+        """The same drive with another laser mount."""
+        return replace(self, laser=replace(self.laser, T_robot_laser=np.asarray(T_robot_laser, dtype=float)))
+
+
+def _checked(name: str, value: object, shape: tuple[int, ...], finite: bool = True) -> Array:
+    array = np.ascontiguousarray(value, dtype=np.float64)
+    if array.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, got {array.shape}")
+    if finite and not np.all(np.isfinite(array)):
+        raise ValueError(f"{name}: expected finite values")
+    return array

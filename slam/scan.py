@@ -1,0 +1,90 @@
+"""One laser scan, or many merged, as points with tangents and covariances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam import se2
+from slam.recording import Laser, Recording
+from slam.se2 import Array
+
+NEIGHBOURHOOD = 0.3
+"""Radius [m] of the points a tangent is read from."""
+
+SIGMA_ANGLE = 1e-3
+"""Standard deviation [rad] of a beam's direction."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Points ``(n, 2)`` m in the robot's frame (or a submap's), with what is known of the surface at each.
+
+    ``tangents (n, 2)`` unit vectors along the wall, NaN where no tangent can be trusted; ``normals (n, 2)`` unit
+    vectors towards the sensor, NaN likewise; ``covariance (n, 2, 2)`` m²; ``tangent_sigma (n,)`` rad;
+    ``beams (n,)`` index of the beam each point came from.
+    """
+
+    points: Array
+    tangents: Array
+    normals: Array
+    covariance: Array
+    tangent_sigma: Array
+    beams: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @classmethod
+    def from_ranges(cls, ranges: Array, angles: Array, laser: Laser) -> Scan:
+        """Scan in the robot's frame from ``ranges (B,)`` m (NaN = no return) and ``angles (B,)`` rad.
+
+        Raises ``ValueError`` when the shapes differ.
+        """
+        from slam.surface import point_covariances, tangents_of_beams
+
+        ranges, angles = np.asarray(ranges, dtype=np.float64), np.asarray(angles, dtype=np.float64)
+        if ranges.shape != angles.shape or ranges.ndim != 1:
+            raise ValueError(f"ranges and angles: expected equal (B,), got {ranges.shape} and {angles.shape}")
+        spacing_angle = float(np.median(np.diff(angles))) if len(angles) > 1 else np.pi / 180.0
+        points = ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], -1)
+        sigma = laser.sigma_range
+        direction, tangent_sigma = tangents_of_beams(points, ranges * spacing_angle, NEIGHBOURHOOD, sigma)
+        covariance = point_covariances(ranges, angles, direction, spacing_angle, sigma, SIGMA_ANGLE)
+        tangents = np.stack([np.cos(direction), np.sin(direction)], -1)
+        normals = np.stack([-tangents[:, 1], tangents[:, 0]], -1)
+        away = np.sum(normals * points, axis=1) > 0.0
+        normals[away] *= -1.0
+        seen = np.flatnonzero(np.isfinite(ranges))
+        in_laser = cls(
+            points[seen], tangents[seen], normals[seen], covariance[seen], tangent_sigma[seen], seen
+        )
+        return in_laser.transformed(laser.T_robot_laser)
+
+    @classmethod
+    def merged(cls, scans: Sequence[Scan]) -> Scan:
+        """All points of several scans that are already in one frame."""
+        return cls(*(np.concatenate([getattr(s, name) for s in scans]) for name in cls.__annotations__))
+
+    def transformed(self, T_ab: Array) -> Scan:
+        """The scan, given in frame b, in frame a."""
+        R = se2.rotation(T_ab[2])
+        return Scan(
+            se2.transform(T_ab, self.points),
+            self.tangents @ R.T,
+            self.normals @ R.T,
+            R @ self.covariance @ R.T,
+            self.tangent_sigma,
+            self.beams,
+        )
+
+    def selected(self, rows: np.ndarray) -> Scan:
+        """The points of the given rows (indices or mask)."""
+        return Scan(*(getattr(self, name)[rows] for name in type(self).__annotations__))
+
+
+def scans_of(recording: Recording) -> list[Scan]:
+    """Every scan of a recording in the robot's frame."""
+    return [Scan.from_ranges(row, recording.angles, recording.laser) for row in recording.ranges]

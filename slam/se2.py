@@ -1,0 +1,137 @@
+"""Poses of the plane as ``(..., 3)`` arrays ``(x, y, yaw)``, metres and radians.
+
+``T_ab`` maps coordinates of frame b into frame a: ``p_a = R(yaw) p_b + (x, y)``. Tangent vectors are
+``(x, y, yaw)`` in the body (right) frame, ``T_true = T ∘ exp(ξ)``, which is the convention of
+``gtsam.Pose2`` 4.3 (its ``retract`` is ``Expmap``). All functions broadcast over leading dimensions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+SMALL_ANGLE = 1e-4
+"""Below this yaw [rad] exp and log use their Taylor series: the next term is under 1e-17."""
+
+
+def _poses(T: ArrayLike) -> Array:
+    T = np.asarray(T, dtype=np.float64)
+    if T.ndim == 0 or T.shape[-1] != 3:
+        raise ValueError(f"a pose is (..., 3): x, y, yaw; got shape {T.shape}")
+    return T
+
+
+def wrap(angle: ArrayLike) -> Array:
+    """Angle(s) [rad] wrapped to ``[-π, π)``."""
+    return (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def rotation(angle: ArrayLike) -> Array:
+    """Rotation matrices ``(..., 2, 2)`` of angle(s) ``(...)`` [rad]."""
+    angle = np.asarray(angle, dtype=np.float64)
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+
+
+def compose(T_ab: ArrayLike, T_bc: ArrayLike) -> Array:
+    """``T_ac = T_ab ∘ T_bc``, shapes ``(..., 3)``."""
+    T_ab, T_bc = _poses(T_ab), _poses(T_bc)
+    c, s = np.cos(T_ab[..., 2]), np.sin(T_ab[..., 2])
+    x = T_ab[..., 0] + c * T_bc[..., 0] - s * T_bc[..., 1]
+    y = T_ab[..., 1] + s * T_bc[..., 0] + c * T_bc[..., 1]
+    return np.stack([x, y, wrap(T_ab[..., 2] + T_bc[..., 2])], -1)
+
+
+def inverse(T_ab: ArrayLike) -> Array:
+    """``T_ba``, shape ``(..., 3)``."""
+    T_ab = _poses(T_ab)
+    c, s = np.cos(T_ab[..., 2]), np.sin(T_ab[..., 2])
+    x = -c * T_ab[..., 0] - s * T_ab[..., 1]
+    y = s * T_ab[..., 0] - c * T_ab[..., 1]
+    return np.stack([x, y, wrap(-T_ab[..., 2])], -1)
+
+
+def between(T_ab: ArrayLike, T_ac: ArrayLike) -> Array:
+    """Relative pose ``T_bc = T_ab⁻¹ ∘ T_ac``, shapes ``(..., 3)``."""
+    return compose(inverse(T_ab), T_ac)
+
+
+def transform(T_ab: ArrayLike, points_b: ArrayLike) -> Array:
+    """Points ``(..., n, 2)`` of frame b in frame a, for poses ``(..., 3)``."""
+    T_ab, points_b = _poses(T_ab), np.asarray(points_b, dtype=np.float64)
+    return points_b @ np.swapaxes(rotation(T_ab[..., 2]), -1, -2) + T_ab[..., None, :2]
+
+
+def _left_jacobian_terms(yaw: Array) -> tuple[Array, Array]:
+    """``sin(yaw)/yaw`` and ``(1-cos(yaw))/yaw``, finite at zero."""
+    small = np.abs(yaw) < SMALL_ANGLE
+    safe = np.where(small, 1.0, yaw)
+    sinc = np.where(small, 1.0 - yaw**2 / 6.0, np.sin(safe) / safe)
+    cosc = np.where(small, yaw / 2.0 - yaw**3 / 24.0, (1.0 - np.cos(safe)) / safe)
+    return sinc, cosc
+
+
+def exp(xi: ArrayLike) -> Array:
+    """Pose ``(..., 3)`` reached by following the tangent vector ``ξ (..., 3)`` for unit time."""
+    xi = _poses(xi)
+    sinc, cosc = _left_jacobian_terms(xi[..., 2])
+    x = sinc * xi[..., 0] - cosc * xi[..., 1]
+    y = cosc * xi[..., 0] + sinc * xi[..., 1]
+    return np.stack([x, y, wrap(xi[..., 2])], -1)
+
+
+def log(T: ArrayLike) -> Array:
+    """Tangent vector ``ξ (..., 3)`` with ``exp(ξ) = T`` and yaw in ``[-π, π)``."""
+    T = _poses(T)
+    yaw = wrap(T[..., 2])
+    sinc, cosc = _left_jacobian_terms(yaw)
+    scale = 1.0 / (sinc**2 + cosc**2)
+    x = scale * (sinc * T[..., 0] + cosc * T[..., 1])
+    y = scale * (sinc * T[..., 1] - cosc * T[..., 0])
+    return np.stack([x, y, yaw], -1)
+
+
+def adjoint(T: ArrayLike) -> Array:
+    """Adjoint ``(..., 3, 3)`` with ``T ∘ exp(ξ) = exp(Ad(T) ξ) ∘ T``."""
+    T = _poses(T)
+    c, s = np.cos(T[..., 2]), np.sin(T[..., 2])
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    rows = [
+        np.stack([c, -s, T[..., 1]], -1),
+        np.stack([s, c, -T[..., 0]], -1),
+        np.stack([zero, zero, one], -1),
+    ]
+    return np.stack(rows, -2)
+
+
+def transport(covariance: ArrayLike, T: ArrayLike) -> Array:
+    """``Ad(T) Σ Ad(T)ᵀ``: a covariance ``(..., 3, 3)`` of ξ_b expressed in frame a, for ``T = T_ab``."""
+    A = adjoint(T)
+    return A @ np.asarray(covariance, dtype=np.float64) @ np.swapaxes(A, -1, -2)
+
+
+def compose_covariance(covariance_ab: ArrayLike, T_bc: ArrayLike, covariance_bc: ArrayLike) -> Array:
+    """Covariance ``(..., 3, 3)`` of ``T_ab ∘ T_bc`` to first order: ``Ad(T_bc⁻¹) Σ_ab Ad(T_bc⁻¹)ᵀ + Σ_bc``."""
+    return transport(covariance_ab, inverse(T_bc)) + np.asarray(covariance_bc, dtype=np.float64)
+
+
+def inverse_covariance(T_ab: ArrayLike, covariance_ab: ArrayLike) -> Array:
+    """Covariance ``(..., 3, 3)`` of ``T_ba`` from that of ``T_ab``."""
+    return transport(covariance_ab, T_ab)
+
+
+def to_body_covariance(T: ArrayLike, covariance: ArrayLike) -> Array:
+    """Right-tangent covariance ``(..., 3, 3)`` from one of additive ``(x, y, yaw)`` errors of ``T``."""
+    T = _poses(T)
+    B = np.zeros((*T.shape[:-1], 3, 3))
+    B[..., :2, :2] = np.swapaxes(rotation(T[..., 2]), -1, -2)
+    B[..., 2, 2] = 1.0
+    return B @ np.asarray(covariance, dtype=np.float64) @ np.swapaxes(B, -1, -2)
+
+
+def path_length(poses: ArrayLike) -> Array:
+    """Distance travelled [m] up to each of the poses ``(N, 3)``, shape ``(N,)``, starting at 0."""
+    steps = np.linalg.norm(np.diff(_poses(poses)[:, :2], axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])

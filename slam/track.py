@@ -1,0 +1,45 @@
+"""What a front end says about a drive: a pose, a covariance and a verdict per scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from slam.se2 import Array
+
+
+class Verdict(IntEnum):
+    """What happened to a scan."""
+
+    MATCHED = 0
+    """The matcher answered and was believed."""
+    FELL_BACK = 1
+    """No usable match: the pose comes from dead reckoning."""
+    SKIPPED = 2
+    """The robot had hardly moved: not matched, the pose is carried forward."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Front-end output for N scans.
+
+    ``poses (N, 3)`` robot in the map frame; ``verdict (N,)`` of `Verdict`; ``reference (N,)`` the scan index each
+    pose was estimated against (-1 for the first); ``covariance (N, 3, 3)`` of the step from that reference in
+    the body frame of the scan, NaN where there is none; ``information (N, 3, 3)`` what the match alone said of
+    it, weak directions faded out, zero where it said nothing; ``matches (N,)`` pairs in the last iteration;
+    ``confidence`` named columns ``(N,)``, larger = worse, +inf where a match was tried and failed and NaN where
+    none was tried.
+    """
+
+    poses: Array
+    verdict: np.ndarray
+    reference: np.ndarray
+    covariance: Array
+    information: Array
+    matches: np.ndarray
+    confidence: dict[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.poses)

@@ -1,0 +1,61 @@
+"""Hough transform and Hough spectrum of points: which directions do the walls have?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam.se2 import Array
+
+
+@dataclass(frozen=True)
+class Hough:
+    """Votes ``(n_theta, n_rho)`` for the lines ``x cosθ + y sinθ = ρ`` about the frame's origin.
+
+    Row k is ``θ = kπ/n_theta``, column i is ``ρ = first + i·resolution`` [m].
+    """
+
+    votes: Array
+    first: float
+    resolution: float
+
+
+def transform(points: Array, n_theta: int = 360, resolution: float = 0.05) -> Hough:
+    """Hough transform of points ``(n, 2)`` m, votes split linearly in ρ (Duda & Hart 1972; Censi 2005)."""
+    from stitch.kernels import vote
+
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    reach = int(np.ceil(np.linalg.norm(points, axis=1).max(initial=0.0) / resolution)) + 1
+    first = -reach * resolution
+    return Hough(vote(points, n_theta, first, resolution, 2 * reach + 2), first, resolution)
+
+
+def spectrum(hough: Hough) -> Array:
+    """Hough spectrum ``(n_theta,)``: the sum of squared votes of each direction, largest 1 (Censi 2005).
+
+    Zero everywhere when there were no points.
+    """
+    energy = np.einsum("kr,kr->k", hough.votes, hough.votes)
+    return energy / max(float(energy.max()), np.finfo(float).tiny)
+
+
+@dataclass(frozen=True)
+class Gridness:
+    """How far a map's directions stand out: ``crest`` max/mean and ``variation`` sd/mean of the spectrum."""
+
+    crest: float
+    variation: float
+
+    @property
+    def trustworthy(self) -> bool:
+        """True where walls have directions; without structure crest is near 1, variation near 0."""
+        return self.crest > 1.5 and self.variation > 0.1
+
+
+def gridness(spectrum: Array) -> Gridness:
+    """Grid-likeness of a Hough spectrum ``(n_theta,)``: does the straight-lines assumption hold here?"""
+    mean = float(spectrum.mean())
+    if mean == 0.0:
+        return Gridness(1.0, 0.0)
+    return Gridness(float(spectrum.max()) / mean, float(spectrum.std()) / mean)

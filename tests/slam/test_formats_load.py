@@ -1,0 +1,143 @@
+"""`load` tells formats apart by content, and says in one line what it cannot read."""
+
+from __future__ import annotations
+
+import gzip
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slam.formats import FormatError, load, recording_npz, relations
+
+HEADER = "# UvA Rescue Team Logfile\n"
+USARSIM = HEADER + (
+    "SEN {Time 1.0} {Type INS} {Name I} {Location 1.0,2.0,0.0} {Orientation 0.0,0.0,0.5}\n"
+    "SEN {Time 1.0} {Type RangeScanner} {Name H} {Resolution 0.7854} {FOV 3.1416} {Range 1,2,3,4,5}\n"
+)
+CARMEN = f"FLASER 181 {'1.5 ' * 181}0 0 0 0 0 0 1.0 host 1.0\n"
+RELATIONS = "1.0 2.0 0.5 0.25 9.0 0.1 0.2 -1.5\n# comment\n\n2.0 3.0 0 0 0 0 0 0.125\n"
+
+
+@pytest.mark.parametrize("name", ["a.log", "a.txt", "a", "a.log.gz"])
+@pytest.mark.parametrize(("text", "beams"), [(USARSIM, 5), (CARMEN, 181)])
+def test_format_is_recognised_by_content_not_by_name(
+    tmp_path: Path, name: str, text: str, beams: int
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(gzip.compress(text.encode()) if name.endswith("gz") else text.encode())
+    recording = load(path)
+    assert recording.ranges.shape == (1, beams)
+    assert recording.name == "a"
+    assert len(load(str(path))) == 1
+
+
+def test_line_ends_of_windows(tmp_path: Path) -> None:
+    for text in (USARSIM, CARMEN):
+        (tmp_path / "a.log").write_bytes(text.replace("\n", "\r\n").encode())
+        (tmp_path / "b.log").write_bytes(text.encode())
+        np.testing.assert_array_equal(load(tmp_path / "a.log").ranges, load(tmp_path / "b.log").ranges)
+
+
+def test_npz_is_recognised(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_text(CARMEN)
+    recording_npz.write(tmp_path / "b", load(tmp_path / "a.log"))
+    assert load(tmp_path / "b").name == "a"
+
+
+def test_relations_come_along(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_text(CARMEN)
+    (tmp_path / "a.relations").write_text(RELATIONS)
+    recording = load(tmp_path / "a.log", relations=tmp_path / "a.relations")
+    assert recording.relations is not None
+    np.testing.assert_array_equal(recording.relations.stamps, [[1, 2], [2, 3]])
+    np.testing.assert_array_equal(recording.relations.T_12, [[0.5, 0.25, -1.5], [0, 0, 0.125]])
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "the file is empty"),
+        (b" \n\n", "the file is empty"),
+        (gzip.compress(b""), "the file is empty"),
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "binary data, expected text"),
+        (
+            bytes(range(1, 256)) * 4,
+            "not a recording: expected a USARSim log, a CARMEN log or a recording.npz",
+        ),
+        (USARSIM.encode() + b"\0\0", ":4: binary data, expected text"),
+        (gzip.compress(CARMEN.encode())[:-20], "torn gzip file"),
+        (gzip.compress(CARMEN.encode())[:30], "torn gzip file"),
+        (b"\x1f\x8b", "torn gzip file"),
+        (b"PK\x03\x04 and then nothing", "torn or foreign npz"),
+        (b"dear diary\n", "not a recording"),
+        (b"# UvA Rescue Team Logfile\n", "no range scans"),
+    ],
+)
+def test_bad_input_is_named_in_one_line(tmp_path: Path, data: bytes, message: str) -> None:
+    path = tmp_path / "bad"
+    path.write_bytes(data)
+    with pytest.raises(FormatError, match=message) as caught:
+        load(path)
+    assert str(caught.value).startswith(f"{path}:")
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_and_directory(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="no such file"):
+        load(tmp_path / "nowhere.log")
+    with pytest.raises(FormatError, match="is a directory, expected a file"):
+        load(tmp_path)
+
+
+@pytest.mark.parametrize("text", [USARSIM, CARMEN])
+def test_cut_anywhere_it_is_refused_or_whole(tmp_path: Path, text: str) -> None:
+    """A log of two scans, cut at every byte of its last line: one scan is left only at a line's very end."""
+    twice = text + text.removeprefix(HEADER)
+    start = twice[:-1].rindex("\n") + 1
+    path = tmp_path / "cut.log"
+    answers = set()
+    for cut in range(start + 1, len(twice) - 1):
+        path.write_text(twice[:cut])
+        answers.add(scans_or_torn_line(path))
+    assert answers <= {"2 scans", f"torn line {twice.count(chr(10))}"}
+    assert len(answers) == 2 or text == USARSIM
+
+
+def scans_or_torn_line(path: Path) -> str:
+    try:
+        return f"{len(load(path))} scans"
+    except FormatError as error:
+        return f"torn line {error.line}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty"),
+        ("# nothing\n", "no relations, expected lines of t1 t2"),
+        ("1 2 3\n", ":1: relation of 3 values, expected 8"),
+        (RELATIONS + "1 2 3 4 5 6 7 x\n", ":5: relation: value 8 is 'x'"),
+        (RELATIONS + "1 2 3 4 5 6 7 nan\n", ":5: relation: value 8 is 'nan'"),
+    ],
+)
+def test_bad_relations(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "a.relations").write_text(text)
+    with pytest.raises(FormatError, match=message):
+        relations.read(tmp_path / "a.relations")
+
+
+def test_intel_relations(shared_data: Path) -> None:
+    found = relations.read(shared_data / "carmen/intel.relations")
+    assert found.stamps.shape == (2984, 2)
+    np.testing.assert_allclose(found.T_12[0], [-0.05699, -0.12843, -1.68221])
+
+
+def test_formats_load_without_heavy_imports() -> None:
+    code = (
+        "import slam.formats, sys; print([m for m in ('numba', 'cv2', 'gtsam', 'scipy') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
