@@ -13,10 +13,11 @@ from slam.se2 import Array
 class Effects:
     """Range effects, each with a switch of its own.
 
-    Mixed pixels: ``sub_rays`` over the beam's ``divergence`` [rad]; where they differ by more than ``mixed_gap``
-    m the range is a random mixture with probability ``mixed_probability``, else the nearest. Dropouts: chance
-    ``dropout_floor`` at normal incidence, rising as a logistic of width ``dropout_width`` at ``dropout_angle``
-    [rad]. Noise: standard deviation ``noise_constant + noise_slope · range`` m. ``quantum`` m.
+    Mixed pixels: ``sub_rays`` over the beam's ``divergence`` [rad]; where they differ by more than
+    ``mixed_gap`` m the range is a random mixture with probability ``mixed_probability``, else the nearest.
+    Dropouts: chance ``dropout_floor`` at normal incidence, rising as a logistic of width ``dropout_width``
+    at ``dropout_angle`` [rad]. Noise: standard deviation ``noise_constant + noise_slope · range`` m.
+    ``quantum`` m.
     """
 
     mixed_pixels: bool = True
@@ -35,6 +36,13 @@ class Effects:
     quantum: float = 0.01
     limits: bool = True
 
+    @property
+    def sigma(self) -> float:
+        """Standard deviation [m] of a close range, at least a millimetre: what a data sheet would say."""
+        noise = self.noise_constant if self.noise else 0.0
+        rounding = self.quantum / np.sqrt(12.0) if self.quantisation else 0.0
+        return max(float(np.hypot(noise, rounding)), 1e-3)
+
     def footprint(self, angles: Array) -> Array:
         """Angles ``(B, J)`` rad of the sub-rays of beams at ``angles (B,)``; J is 1 without mixed pixels."""
         if not self.mixed_pixels:
@@ -47,8 +55,8 @@ def corrupt(
 ) -> Array:
     """Reported ranges ``(N, B)`` m from the sub-rays' true ranges and incidence cosines ``(N, B, J)``.
 
-    ``limits`` are the smallest and largest range m the laser reports. Each effect draws from its own stream, so
-    that switching one leaves the others' draws alone.
+    ``limits`` are the smallest and largest range m the laser reports. Each effect draws from its own
+    stream, so that switching one leaves the others' draws alone.
     """
     mixing, dropping, noising = rng.spawn(3)
     nearest = np.argmin(np.where(np.isnan(ranges), np.inf, ranges), axis=2)[..., None]

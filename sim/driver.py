@@ -18,8 +18,8 @@ Ending = Literal["completed", "stuck", "flipped over", "out of time"]
 class DriverConfig:
     """Habits of the driver. Lengths m, speeds m/s and rad/s, times s.
 
-    He stops to look around about every ``pause_every`` s, for ``pause_mean`` s on average. A robot that has come
-    no further than ``stuck_distance`` in ``stuck_time`` is stuck: he backs off and turns, at most
+    He stops to look around about every ``pause_every`` s, for ``pause_mean`` s on average. A robot that has
+    come no further than ``stuck_distance`` in ``stuck_time`` is stuck: he backs off and turns, at most
     ``attempts`` times before giving up.
     """
 
@@ -28,7 +28,7 @@ class DriverConfig:
     lookahead: float = 0.45
     turn_in_place: float = np.deg2rad(50.0)
     caution: float = 15.0
-    pause_every: float = 12.0
+    pause_every: float = 11.0
     pause_mean: float = 4.0
     stuck_time: float = 3.0
     stuck_distance: float = 0.1

@@ -17,12 +17,13 @@ Kind = Literal["wall", "furniture"]
 WALL_THICKNESS = 0.12
 WALL_HEIGHT = 2.5
 BELOW_FLOOR = -1.0
-"""Things that stand on the floor reach this far down [m], so that no ray slips under them on uneven ground."""
+"""Things on the floor reach this far down [m], so that no ray slips under them on uneven ground."""
 
 
 @dataclass(frozen=True)
 class Prism:
-    """An upright solid: convex ``footprint (k, 2)`` m, counter-clockwise, between heights ``z_lo`` and ``z_hi`` m.
+    """An upright solid: convex ``footprint (k, 2)`` m, counter-clockwise, between heights ``z_lo`` and
+    ``z_hi`` m.
 
     Raises ``ValueError`` for a footprint that is not convex and counter-clockwise, or an empty extent.
     """
@@ -69,13 +70,6 @@ def box(
     """A box centred at ``pose (3,)``: ``length`` along its x, ``width`` along its y [m]."""
     half = 0.5 * np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
     return Prism(se2.transform(pose, half), z_lo, z_hi, kind)
-
-
-def column(x: float, y: float, radius: float, z_hi: float = WALL_HEIGHT, corners: int = 8) -> Prism:
-    """A round column or pole, as a regular polygon."""
-    angle = 2.0 * np.pi * np.arange(corners) / corners
-    circle = np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], -1)
-    return Prism(circle, BELOW_FLOOR, z_hi, "furniture")
 
 
 def wall(

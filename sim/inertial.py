@@ -17,11 +17,12 @@ Model = Literal["usarsim", "consistent"]
 class InertialConfig:
     """How wrong the INS is, per step between two of its readings.
 
-    ``model``: "usarsim" adds true position increments (INS.uc of USARSim: position ignores the yaw error; §6.2.4
-    of Formsma's report), "consistent" turns them by the yaw error. ``yaw_noise``: standard deviation of the
-    relative error of each yaw increment; ``position_noise`` of each position increment. ``precision`` P draws a
-    constant error once per run, uniform of width 1/P² (yaw) and 1/P (position); None: no such drift.
-    ``bias_walk`` [rad/s per √s] drives a gyro bias. ``attitude_noise`` [rad] on roll and pitch.
+    ``model``: "usarsim" adds true position increments (INS.uc of USARSim: position ignores the yaw error;
+    §6.2.4 of Formsma's report), "consistent" turns them by the yaw error. ``yaw_noise``: standard deviation
+    of the relative error of each yaw increment; ``position_noise`` of each position increment.
+    ``precision`` P draws a constant error once per run, uniform of width 1/P² (yaw) and 1/P (position);
+    None: no such drift. ``bias_walk`` [rad/s per √s] drives a gyro bias. ``attitude_noise`` [rad] on roll
+    and pitch.
     """
 
     model: Model = "usarsim"
@@ -86,7 +87,8 @@ def shocks(
 ) -> Array:
     """Jumps ``(M, 2)`` rad of yaw and roll at each reading, zero where nothing happened.
 
-    ``impulse (M,)`` N s is the largest since the reading before, ``height (M,)`` m the robot's at the reading.
+    ``impulse (M,)`` N s is the largest since the reading before, ``height (M,)`` m the robot's at the
+    reading.
     """
     time, impulse, height = (np.asarray(a, dtype=np.float64) for a in (time, impulse, height))
     falling = np.concatenate([[0.0], -np.diff(height) / np.diff(time)])
@@ -99,8 +101,10 @@ def shocks(
     return jumps
 
 
-def attitude(tilt: ArrayLike, roll_jumps: ArrayLike, config: InertialConfig, rng: np.random.Generator) -> Array:
-    """Roll and pitch ``(M, 2)`` rad as the INS reports them: true ``tilt (M, 2)``, noise, and roll jumps (M,)."""
+def attitude(
+    tilt: ArrayLike, roll_jumps: ArrayLike, config: InertialConfig, rng: np.random.Generator
+) -> Array:
+    """Roll and pitch ``(M, 2)`` rad as the INS says: true ``tilt (M, 2)``, noise, and ``roll_jumps (M,)``."""
     tilt = np.asarray(tilt, dtype=np.float64)
     reported = tilt + config.attitude_noise * rng.standard_normal(tilt.shape)
     reported[:, 0] += np.cumsum(roll_jumps)

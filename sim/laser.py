@@ -18,9 +18,9 @@ from slam.se2 import Array
 class Raycaster:
     """Exact ranges from poses in a world.
 
-    In a planar cast (poses ``(N, 3)``) every obstacle counts whatever its height, and there is neither floor nor
-    ceiling. In a tilted cast (poses ``(N, 6)``) obstacles have heights: a ray passes over or under them, meets
-    their front, lands on their top, or meets their underside.
+    In a planar cast (poses ``(N, 3)``) every obstacle counts whatever its height, and there is neither
+    floor nor ceiling. In a tilted cast (poses ``(N, 6)``) obstacles have heights: a ray passes over or
+    under them, meets their front, lands on their top, or meets their underside.
     """
 
     def __init__(self, world: World) -> None:
@@ -46,9 +46,9 @@ class Raycaster:
     def cast(self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf) -> Array:
         """Slant ranges ``(N, B)`` m of the beams at ``angles (B,)`` rad, NaN where nothing is met.
 
-        ``poses`` are of the sensor: ``(N, 3)`` x, y, yaw, or ``(N, 6)`` x, y, yaw, roll, pitch, z with roll left
-        side up and pitch nose down positive, R = Rz(yaw) Ry(pitch) Rx(roll). Nothing is met beyond ``range_max``.
-        Raises ``ValueError`` for other shapes or poses that are not finite.
+        ``poses`` are of the sensor: ``(N, 3)`` x, y, yaw, or ``(N, 6)`` x, y, yaw, roll, pitch, z with roll
+        left side up and pitch nose down positive, R = Rz(yaw) Ry(pitch) Rx(roll). Nothing is met beyond
+        ``range_max``. Raises ``ValueError`` for other shapes or poses that are not finite.
         """
         return self.cast_with_incidence(poses, angles, range_max)[0]
 
@@ -59,7 +59,9 @@ class Raycaster:
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         angles = np.ascontiguousarray(angles, dtype=np.float64)
         if poses.ndim != 2 or poses.shape[1] not in (3, 6) or angles.ndim != 1:
-            raise ValueError(f"expected poses (N, 3) or (N, 6) and angles (B,), got {poses.shape}, {angles.shape}")
+            raise ValueError(
+                f"expected poses (N, 3) or (N, 6) and angles (B,), got {poses.shape}, {angles.shape}"
+            )
         if not (np.all(np.isfinite(poses)) and np.all(np.isfinite(angles))):
             raise ValueError("poses and angles must be finite")
         scene = self._solid
@@ -73,7 +75,8 @@ class Raycaster:
 
 @dataclass(frozen=True)
 class Scanner:
-    """A laser on a robot: ``beams`` over ``field_of_view`` rad, mounted at ``mount`` (x, y, yaw) and ``height`` m.
+    """A laser on a robot: ``beams`` over ``field_of_view`` rad, mounted at ``mount`` (x, y, yaw) and
+    ``height`` m.
 
     The defaults are the Hokuyo of USARSim's Kenaf.
     """
@@ -94,25 +97,27 @@ class Scanner:
     @property
     def laser(self) -> Laser:
         """What a recording says about this laser."""
-        sigma = max(self.effects.noise_constant, self.effects.quantum / np.sqrt(12.0), 1e-3)
-        return Laser(self.range_min, self.range_max, sigma, np.array(self.mount))
+        return Laser(self.range_min, self.range_max, self.effects.sigma, np.array(self.mount))
 
     def sensor_poses(self, robot: ArrayLike) -> Array:
-        """Poses ``(N, 6)`` of the laser from robot poses (N, 6): x, y, yaw, roll, pitch, z of the ground under it."""
+        """Poses ``(N, 6)`` of the laser, with the robot's yaw.
+
+        ``robot (N, 6)``: x, y, yaw, roll, pitch, z of the ground under it.
+        """
         x, y, yaw, roll, pitch, z = np.moveaxis(np.asarray(robot, dtype=np.float64), -1, 0)
-        mx, my, mounted_yaw = self.mount
-        if mounted_yaw != 0.0:
-            raise ValueError("a simulated laser looks straight ahead: mount yaw must be 0")
+        mx, my, _ = self.mount
         forward = np.cos(pitch) * mx + np.sin(pitch) * (np.sin(roll) * my + np.cos(roll) * self.height)
         left = np.cos(roll) * my - np.sin(roll) * self.height
         up = -np.sin(pitch) * mx + np.cos(pitch) * (np.sin(roll) * my + np.cos(roll) * self.height)
         c, s = np.cos(yaw), np.sin(yaw)
-        return np.stack([x + c * forward - s * left, y + s * forward + c * left, yaw, roll, pitch, z + up], -1)
+        return np.stack(
+            [x + c * forward - s * left, y + s * forward + c * left, yaw, roll, pitch, z + up], -1
+        )
 
     def scan(self, caster: Raycaster, robot: ArrayLike, rng: np.random.Generator) -> Array:
         """Ranges ``(N, B)`` m as the laser reports them from robot poses (N, 6), NaN without return."""
         poses = self.sensor_poses(robot)
-        spread = self.effects.footprint(self.angles)
+        spread = self.effects.footprint(self.angles + self.mount[2])
         reach = self.range_max + 1.0  # sub-rays beyond the limit still belong to a mixed pixel
         ranges, cosines = caster.cast_with_incidence(poses, spread.ravel(), reach)
         shape = (len(poses), *spread.shape)

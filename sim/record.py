@@ -23,7 +23,7 @@ PHYSICS_STEP = 0.01
 CONTROL_EVERY = 5
 """Physics steps per decision of the driver."""
 READING_EVERY = 10
-"""Physics steps per reading of the INS."""
+"""Physics steps between two readings of the INS, which is also read at every scan."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,11 @@ class Buildable(Protocol):
 
 @dataclass(frozen=True)
 class Drive:
-    """What happened, at every INS reading: ``time (M,)`` s, ``states (M, 6)`` (x, y, yaw not wrapped, roll, pitch,
-    height), the largest collision ``impulse (M,)`` N s since the reading before, the rows of the readings at which
-    a scan was taken, and why it ended."""
+    """What happened, at every INS reading: ``time (M,)`` s, ``states (M, 6)`` (x, y, yaw not wrapped, roll,
+    pitch, height), the largest collision ``impulse (M,)`` N s since the reading before, the rows of the
+    readings at which
+    a scan was taken, and why it ended.
+    """
 
     time: Array
     states: Array
@@ -73,8 +75,8 @@ class Drive:
 class SimulatedRun:
     """A recording, and what only a simulator knows.
 
-    ``walls (S, 4)`` m: outlines of everything at the laser's height; ``tilt (N, 2)``: true roll and pitch rad at
-    the scans; ``ending``: why the drive ended; ``setup`` it came from.
+    ``walls (S, 4)`` m: outlines of everything at the laser's height; ``tilt (N, 2)``: true roll and pitch
+    rad at the scans; ``ending``: why the drive ended; ``setup`` it came from.
     """
 
     recording: Recording
@@ -87,8 +89,8 @@ class SimulatedRun:
 def simulate(scenario: Buildable, seed: int) -> SimulatedRun:
     """Simulate a scenario. The same scenario and seed give the same bytes.
 
-    Every draw comes from one generator, seeded by ``seed`` and the scenario's name; each stage has a stream of its
-    own, so that a change of the laser leaves the drive as it was.
+    Every draw comes from one generator, seeded by ``seed`` and the scenario's name; each stage has a stream
+    of its own, so that a change of the laser leaves the drive as it was.
     """
     rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode())])
     building, driving, scanning, reckoning = rng.spawn(4)
@@ -101,7 +103,7 @@ def drive(setup: Setup, rng: np.random.Generator) -> Drive:
     deciding, shaking, timing = rng.spawn(3)
     robot = Robot(setup.world, setup.start, setup.robot)
     driver = Driver(setup.waypoints, setup.driver, deciding)
-    states, impulses, scan_rows = [robot.state], [0.0], [0]
+    steps, states, impulses, scan_rows = [0], [robot.state], [0.0], [0]
     next_scan = setup.scan_interval
     impulse, tracks, step = 0.0, (0.0, 0.0), 0
     while True:
@@ -114,14 +116,16 @@ def drive(setup: Setup, rng: np.random.Generator) -> Drive:
             tracks = setup.robot.track_speeds(*wanted)
         robot.step(*tracks, PHYSICS_STEP, shaking)
         impulse, step = max(impulse, robot.impulse), step + 1
-        if step % READING_EVERY == 0:
+        scanning = step * PHYSICS_STEP >= next_scan
+        if scanning:
+            scan_rows.append(len(states))
+            next_scan += setup.scan_interval + setup.scan_jitter * timing.standard_normal()
+        if scanning or step % READING_EVERY == 0:
+            steps.append(step)
             states.append(robot.state)
             impulses.append(impulse)
             impulse = 0.0
-            if step * PHYSICS_STEP >= next_scan - 1e-9:
-                scan_rows.append(len(states) - 1)
-                next_scan += setup.scan_interval + setup.scan_jitter * timing.standard_normal()
-    time = PHYSICS_STEP * READING_EVERY * np.arange(len(states))
+    time = PHYSICS_STEP * np.array(steps)
     return Drive(time, np.array(states), np.array(impulses), np.array(scan_rows), ending)
 
 

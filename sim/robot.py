@@ -1,4 +1,4 @@
-"""A skid-steered robot: pymunk moves and collides it in the plane, the ground under its footprint tilts it."""
+"""A skid-steered robot: pymunk moves and collides it in the plane, the ground under it tilts it."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ GRAVITY = 9.81
 class RobotConfig:
     """Body and tracks; the defaults are those of USARSim's Kenaf.
 
-    Lengths in m, mass in kg. ``friction`` of the tracks along, ``lateral_friction`` across; ``grip`` [s] is the
-    time in which a track takes up its commanded speed; ``skid_ratio`` is how much slower the body turns than its
-    track speeds say. Solids lower than ``step_height`` or higher than ``height`` do not stop it. ``tilt_rate``
-    [rad/s] and ``tilt_damping`` describe how roll and pitch follow the ground.
+    Lengths in m, mass in kg. ``friction`` of the tracks along, ``lateral_friction`` across; ``grip`` [s] is
+    the time in which a track takes up its commanded speed; ``skid_ratio`` is how much slower the body turns
+    than its track speeds say. Solids lower than ``step_height`` or higher than ``height`` do not stop it.
+    ``tilt_rate`` [rad/s] and ``tilt_damping`` describe how roll and pitch follow the ground.
     """
 
     length: float = 0.40
@@ -49,7 +49,7 @@ class Tilt:
         self._rate, self._damping = rate, damping
 
     def step(self, target: float, shake: float, dt: float) -> None:
-        """Advance by ``dt`` s; ``shake`` is a normal draw times the stationary standard deviation [rad] wanted."""
+        """Advance by ``dt`` s; ``shake`` is a normal draw times the stationary deviation [rad] it causes."""
         gain = 2.0 * np.sqrt(self._damping / (self._rate * dt))
         pull = self._rate**2 * (target + gain * shake - self.angle)
         self.velocity += dt * (pull - 2.0 * self._damping * self._rate * self.velocity)
@@ -122,7 +122,10 @@ class Robot:
         velocity = body.velocity.rotated(-body.angle)
         weight = c.mass * GRAVITY
         half = 0.5 * c.width
-        slips = (left - velocity.x + half * body.angular_velocity, right - velocity.x - half * body.angular_velocity)
+        slips = (
+            left - velocity.x + half * body.angular_velocity,
+            right - velocity.x - half * body.angular_velocity,
+        )
         limit = 0.5 * c.friction * weight
         pull_left, pull_right = (min(max(stiffness * slip, -limit), limit) for slip in slips)
         side_limit = c.lateral_friction * weight

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from slam.se2 import Array
 
 
 class HeightField(NamedTuple):
-    """What the kernels read: node heights ``(rows, columns)`` m, origin, resolution and the highest node [m]."""
+    """What the kernels read: node ``heights (rows, columns)``, origin, resolution, highest node [m]."""
 
     heights: Array
     x0: float
@@ -27,8 +27,8 @@ class HeightField(NamedTuple):
 class Terrain:
     """Heights and roughness on a grid of nodes, bilinear in between, level ground at height 0 outside.
 
-    ``heights (rows, columns)`` m at ``origin + resolution * (column, row)``; ``roughness`` of the same shape is
-    the standard deviation [rad] that loose rubble adds to the tilt of a robot that drives over it.
+    ``heights (rows, columns)`` m at ``origin + resolution * (column, row)``; ``roughness`` of the same
+    shape is the standard deviation [rad] that loose rubble adds to the tilt of a robot that drives over it.
     """
 
     heights: Array
@@ -37,7 +37,11 @@ class Terrain:
     resolution: float
 
     def __post_init__(self) -> None:
-        if self.heights.ndim != 2 or min(self.heights.shape) < 2 or self.heights.shape != self.roughness.shape:
+        if (
+            self.heights.ndim != 2
+            or min(self.heights.shape) < 2
+            or self.heights.shape != self.roughness.shape
+        ):
             raise ValueError("terrain: heights and roughness need the same shape, at least (2, 2)")
         if not (np.all(np.isfinite(self.heights)) and np.all(self.roughness >= 0.0)):
             raise ValueError("terrain: expected finite heights and roughness >= 0")
@@ -61,19 +65,13 @@ class Terrain:
         """The roughness, to be looked up like a height."""
         return self.field._replace(heights=np.ascontiguousarray(self.roughness))
 
-    def height(self, points: ArrayLike) -> Array:
-        """Height ``(...)`` m of the ground at ``points (..., 2)`` m."""
-        points = np.asarray(points, dtype=np.float64)
-        flat = points.reshape(-1, 2)
-        field = self.field
-        return np.array([height_at(x, y, field) for x, y in flat]).reshape(points.shape[:-1])
-
     def nodes(self) -> tuple[Array, Array]:
         """x and y of every node, each ``(rows, columns)`` m."""
         rows, columns = self.heights.shape
         x = self.origin[0] + self.resolution * np.arange(columns)
         y = self.origin[1] + self.resolution * np.arange(rows)
-        return tuple(np.meshgrid(x, y))
+        columns_x, rows_y = np.meshgrid(x, y)
+        return columns_x, rows_y
 
     def with_ramp(self, a: ArrayLike, b: ArrayLike, width: float, rise: float) -> Terrain:
         """A ramp from the ground at ``a (2,)`` up to ``rise`` m at ``b (2,)``, where it drops: a ledge."""
@@ -82,7 +80,7 @@ class Terrain:
         return self._raised(np.where(inside, rise * along / length, 0.0))
 
     def with_sill(self, a: ArrayLike, b: ArrayLike, height: float, depth: float) -> Terrain:
-        """A door sill: a rounded bar from ``a (2,)`` to ``b (2,)``, ``depth`` m across and ``height`` m high."""
+        """A door sill: a rounded bar from ``a (2,)`` to ``b (2,)``, ``depth`` m across, ``height`` m high."""
         along, across, length = self._strip(a, b)
         inside = (np.abs(across) <= 0.5 * depth) & (along >= 0.0) & (along <= length)
         return self._raised(np.where(inside, height * np.cos(np.pi * across / depth), 0.0))
@@ -96,25 +94,23 @@ class Terrain:
         rng: np.random.Generator,
         grain: float = 0.25,
     ) -> Terrain:
-        """A round heap of debris: random bumps of typical ``height`` m and size ``grain`` m, fading at its edge.
+        """A round heap of debris: random bumps of typical ``height`` m and size ``grain`` m, fading at its
+        edge.
 
         ``roughness`` [rad] is the tilt its loose parts add to a robot driving over it.
         """
         x, y = self.nodes()
         cx, cy = np.asarray(centre, dtype=np.float64)
         fade = np.clip(1.5 * (1.0 - np.hypot(x - cx, y - cy) / radius), 0.0, 1.0)
-        noise = gaussian_filter(rng.standard_normal(self.heights.shape), grain / self.resolution, mode="reflect")
-        bumps = np.abs(noise) * (height / np.abs(noise).mean())
-        raised = Terrain(
-            np.maximum(self.heights, fade * bumps),
-            np.maximum(self.roughness, fade * roughness),
-            self.origin,
-            self.resolution,
+        noise = gaussian_filter(
+            rng.standard_normal(self.heights.shape), grain / self.resolution, mode="reflect"
         )
-        return raised
+        bumps = np.abs(noise) * (height / np.abs(noise).mean())
+        rough = np.maximum(self.roughness, fade * roughness)
+        return replace(self, heights=np.maximum(self.heights, fade * bumps), roughness=rough)
 
     def _raised(self, heights: Array) -> Terrain:
-        return Terrain(np.maximum(self.heights, heights), self.roughness, self.origin, self.resolution)
+        return replace(self, heights=np.maximum(self.heights, heights))
 
     def _strip(self, a: ArrayLike, b: ArrayLike) -> tuple[Array, Array, float]:
         """Coordinates of every node along and across the line from a to b, and its length."""

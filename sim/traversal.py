@@ -43,12 +43,12 @@ class Scene(NamedTuple):
 
 def build_grid(obstacles: Obstacles, cells_per_obstacle: float = 8.0, longest_side: int = 1024) -> Grid:
     """Grid over the obstacles, with about ``cells_per_obstacle`` cells for each."""
-    if obstacles.count == 0:
+    if len(obstacles.z_lo) == 0:
         return Grid(0.0, 0.0, 1.0, 1, 1, np.zeros(2, dtype=np.int64), np.zeros(0, dtype=np.int64))
     points = obstacles.edges.reshape(-1, 2)
     lower, upper = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
     size = upper - lower
-    cell = float(np.sqrt(size[0] * size[1] / (cells_per_obstacle * obstacles.count)))
+    cell = float(np.sqrt(size[0] * size[1] / (cells_per_obstacle * len(obstacles.z_lo))))
     cell = max(cell, float(size.max()) / longest_side)
     columns, rows = int(size[0] / cell) + 1, int(size[1] / cell) + 1
     first, items = _fill(obstacles, lower[0], lower[1], cell, columns, rows)
@@ -222,7 +222,7 @@ def _walk_grid(ox, oy, oz, dx, dy, dz, reach, scene):
 
 @njit(cache=True, error_model="numpy")
 def cast_ray(ox, oy, oz, dx, dy, dz, reach, scene):
-    """Slant range [m] to the first thing a ray meets within ``reach`` (inf for nothing), and cos(incidence)."""
+    """Slant range [m] to the first thing a ray meets within ``reach`` (else inf), and cos(incidence)."""
     best, cosine = _walk_grid(ox, oy, oz, dx, dy, dz, reach, scene)
     if scene.has_ground:
         r = ground_hit(ox, oy, oz, dx, dy, dz, min(best, reach), scene.ground)

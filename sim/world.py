@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,9 +17,9 @@ from slam.se2 import Array
 class Obstacles(NamedTuple):
     """Solids as arrays, for the kernels.
 
-    Obstacle k owns the edges ``first[k]:first[k+1]``; one edge alone is a thin upright plate, three or more are
-    a convex footprint. ``edges (E, 4)`` m; ``planes (E, 3)``: outward unit normal and offset, n·p <= c inside;
-    ``z_lo, z_hi (K,)`` m.
+    Obstacle k owns the edges ``first[k]:first[k+1]``; one edge alone is a thin upright plate, three or more
+    are a convex footprint. ``edges (E, 4)`` m; ``planes (E, 3)``: outward unit normal and offset, n·p <= c
+    inside; ``z_lo, z_hi (K,)`` m.
     """
 
     first: np.ndarray
@@ -27,11 +27,6 @@ class Obstacles(NamedTuple):
     planes: Array
     z_lo: Array
     z_hi: Array
-
-    @property
-    def count(self) -> int:
-        """How many obstacles there are."""
-        return len(self.z_lo)
 
     def without_heights(self) -> Obstacles:
         """The same footprints, endlessly high."""
@@ -55,7 +50,9 @@ def plates(segments: ArrayLike, heights: ArrayLike | None = None) -> Obstacles:
     if heights is not None:
         heights = np.asarray(heights, dtype=np.float64)
         if heights.shape not in ((len(segments),), (len(segments), 2)):
-            raise ValueError(f"heights: expected ({len(segments)},) or ({len(segments)}, 2), got {heights.shape}")
+            raise ValueError(
+                f"heights: expected ({len(segments)},) or ({len(segments)}, 2), got {heights.shape}"
+            )
         z_hi = heights if heights.ndim == 1 else heights[:, 1]
         z_lo = z_lo if heights.ndim == 1 else heights[:, 0]
     first = np.arange(len(segments) + 1)
@@ -91,9 +88,5 @@ class World:
         return solids(self.prisms)
 
     def outlines(self, z: float) -> Array:
-        """Edges ``(S, 4)`` m of what a horizontal plane at height ``z`` cuts: the true map of a level laser."""
+        """Edges ``(S, 4)`` m of what a plane at height ``z`` cuts: the true map of a level laser."""
         return outlines(self.prisms, z)
-
-    def with_prisms(self, prisms: Iterable[Prism]) -> World:
-        """The same world with more solids in it."""
-        return World((*self.prisms, *prisms), self.terrain, self.ceiling)

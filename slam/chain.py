@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from slam import dead_reckoning, se2
@@ -14,6 +16,9 @@ SHARED_ERROR = 25.0
 """Neighbouring points share their errors (an uneven floor, a bent wall): a match's information is divided by this,
 as if each range had five times its noise."""
 
+LEAST_VARIANCE = 1e-8
+"""Variance (m², rad²) of a step at rest, so that its inverse exists."""
+
 WORST_VARIANCE = 1.0
 """Variance (m², rad²) of a direction a match says nothing about, while information is composed along the drive."""
 
@@ -22,49 +27,64 @@ LOCAL_MAP_SHIFT = 0.5
 
 
 def backbone(recording: Recording, track: Track, rows: np.ndarray) -> PoseGraph:
-    """Graph over the scans ``rows (K,)``: what matching and dead reckoning say of each step from one to the next."""
+    """Graph over the scans ``rows (K,)``: what matching and dead reckoning say of each step from one to the next.
+
+    Two edges a step: the track's, where matches count with their information and lost scans with the dead
+    reckoning's, and the dead reckoning's own (for an INS its yaw; its position goes into the world steps).
+    """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
-    T, information, edges = [], [], []
-    for a, b in pairs:
-        i, j = int(rows[a]), int(rows[b])
-        matched = _matched_information(track, i, j)
-        if matched is not None:
-            edges.append((a, b))
-            T.append(se2.between(track.poses[i], track.poses[j]))
-            information.append(matched)
-        edges.append((a, b))
-        T.append(se2.between(recording.dead_reckoning[i], recording.dead_reckoning[j]))
-        information.append(_reckoned_information(recording, i, j))
+    reckoned = reckoning(recording, track.poses, rows)
+    i, j = rows[:-1], rows[1:]
+    tracked = [_tracked_covariance(recording, track, int(a), int(b)) for a, b in zip(i, j, strict=True)]
+    return replace(
+        reckoned,
+        edges=np.concatenate([pairs, reckoned.edges]),
+        T_ij=np.concatenate([se2.between(track.poses[i], track.poses[j]), reckoned.T_ij]),
+        information=np.concatenate([np.linalg.inv(np.reshape(tracked, (-1, 3, 3))), reckoned.information]),
+        loop=np.zeros(2 * len(pairs), dtype=bool),
+    )
+
+
+def reckoning(recording: Recording, poses: Array, rows: np.ndarray) -> PoseGraph:
+    """Graph of dead reckoning alone over the scans ``rows (K,)``, placed at ``poses (N, 3)``."""
+    pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
+    steps = zip(rows[:-1], rows[1:], strict=True)
+    information = [_reckoned_information(recording, int(i), int(j)) for i, j in steps]
+    at_rows = recording.dead_reckoning[rows]
     return PoseGraph(
-        poses=track.poses[rows],
-        edges=np.array(edges, dtype=np.int64).reshape(-1, 2),
-        T_ij=np.array(T).reshape(-1, 3),
-        information=np.array(information).reshape(-1, 3, 3),
+        poses=poses[rows],
+        edges=pairs,
+        T_ij=se2.between(at_rows[:-1], at_rows[1:]),
+        information=np.reshape(information, (-1, 3, 3)),
         world_steps=_world_steps(recording, rows, pairs) if recording.source == "ins" else None,
     )
 
 
-def _matched_information(track: Track, i: int, j: int) -> Array | None:
-    """Information in the body frame of scan j that matching has of the pose at j seen from i; None if it broke."""
+def _tracked_covariance(recording: Recording, track: Track, i: int, j: int) -> Array:
+    """Covariance in the body frame of scan j of the track's step from i, composed along the drive."""
+    covariance, last, since = np.eye(3) * LEAST_VARIANCE, i, 0.0
     steps = [k for k in range(i + 1, j + 1) if track.verdict[k] != Verdict.SKIPPED]
-    if not steps or any(track.verdict[k] == Verdict.FELL_BACK for k in steps):
-        return None
-    floor = np.eye(3) / WORST_VARIANCE
-    covariance, last, since = np.zeros((3, 3)), i, 0.0
     for k in steps:
-        since += float(np.hypot(*(track.poses[k, :2] - track.poses[last, :2])))
         covariance = se2.transport(covariance, se2.between(track.poses[k], track.poses[last]))
-        last = k
-        if since >= LOCAL_MAP_SHIFT or k == steps[-1]:
+        since += float(np.hypot(*(track.poses[k, :2] - track.poses[last, :2])))
+        if track.verdict[k] == Verdict.FELL_BACK:
+            covariance = covariance + dead_reckoning.body_covariance(recording, last, k, track.poses[k])
+        elif since >= LOCAL_MAP_SHIFT or k == steps[-1]:
+            floor = np.eye(3) / WORST_VARIANCE
             covariance = covariance + np.linalg.inv(track.information[k] / SHARED_ERROR + floor)
             since = 0.0
-    covariance = se2.transport(covariance, se2.between(track.poses[j], track.poses[last]))
-    return np.linalg.inv(covariance)
+        last = k
+    return se2.transport(covariance, se2.between(track.poses[j], track.poses[last]))
 
 
 def _reckoned_information(recording: Recording, i: int, j: int) -> Array:
-    """Information of the recorded step in the body frame of j; for an INS of its yaw alone."""
-    covariance = dead_reckoning.step_covariance(recording, i, j)
+    """Information of the recorded step in the body frame of j, its covariance summed scan by scan; for an INS of
+    its yaw alone."""
+    reckoned = recording.dead_reckoning
+    covariance = np.zeros((3, 3))
+    for k in range(i + 1, j + 1):
+        covariance = se2.transport(covariance, se2.between(reckoned[k], reckoned[k - 1]))
+        covariance = covariance + dead_reckoning.step_covariance(recording, k - 1, k)
     if recording.source == "odometry":
         return np.linalg.inv(covariance)
     return np.diag([0.0, 0.0, 1.0 / covariance[2, 2]])

@@ -15,10 +15,6 @@ from slam.scan import Scan, scans_of
 from slam.se2 import Array
 from slam.track import Track, Verdict
 
-MANY = 10_000.0
-"""ManifoldSLAM gives up on a variance above this, in mm² and rad² alike."""
-
-
 @dataclass(frozen=True)
 class FrontendConfig:
     """Settings of the front end.
@@ -27,7 +23,8 @@ class FrontendConfig:
     recorded increment. ``reference``: one scan, or the last ``map_scans`` keyframes. A scan is skipped until the
     robot moved ``skip_distance`` m on an axis or turned ``skip_angle`` rad, and becomes a keyframe ``extend_distance`` m
     or ``extend_angle`` rad away from the last one. ``trust_dead_reckoning`` weighs the increment as a prior in
-    the match. Scans tilted more than ``tilt_limit`` rad from the recent attitude are not matched.
+    the match. Scans tilted more than ``tilt_limit`` rad from the recent attitude are not matched. A match with a
+    variance above ``most_variance`` (mm² and rad² alike, as ManifoldSLAM has it) is not believed.
     """
 
     seed_mode: Literal["absolute", "incremental"] = "incremental"
@@ -42,6 +39,7 @@ class FrontendConfig:
     map_scans: int = 15
     trust_dead_reckoning: bool = True
     tilt_limit: float = np.radians(5.0)
+    most_variance: float = np.inf
 
 
 MANIFOLD_SLAM = FrontendConfig(
@@ -56,6 +54,7 @@ MANIFOLD_SLAM = FrontendConfig(
     extend_angle=np.radians(5.0),
     trust_dead_reckoning=False,
     tilt_limit=np.inf,
+    most_variance=10_000.0,
 )
 """ManifoldSLAM as UsarCommander ran it for the report, including the absolute seed that tears its maps."""
 
@@ -178,7 +177,7 @@ def _accept(
     state.matches[k] = result.n_matches
     if isinstance(result, Match):
         state.matched_covariance[k] = result.covariance
-    if isinstance(result, Match) and _believed(result):
+    if isinstance(result, Match) and _believed(result, config):
         origin = state.poses[state.keyframes[-1]] if config.reference == "scan" else np.zeros(3)
         state.poses[k] = se2.compose(origin, result.T_reference_scan)
         state.covariance[k] = result.covariance
@@ -192,9 +191,9 @@ def _accept(
     state.last = k
 
 
-def _believed(result: Match) -> bool:
+def _believed(result: Match, config: FrontendConfig) -> bool:
     variances = np.diag(result.covariance) * [1e6, 1e6, 1.0]
-    return result.converged and bool(np.all(variances <= MANY))
+    return result.converged and bool(np.all(variances <= config.most_variance))
 
 
 def _extends(state: _State, k: int, config: FrontendConfig) -> bool:

@@ -10,9 +10,11 @@ from stitch.result import Alternative, NoStitch, Prior, Stitch
 
 __all__ = ["AlignConfig", "Alternative", "NoStitch", "Prior", "Stitch", "align"]
 
+DEFAULT = AlignConfig()
+
 
 def align(
-    a: Submap, b: Submap, prior: Prior | None = None, config: AlignConfig | None = None
+    a: Submap, b: Submap, prior: Prior | None = None, config: AlignConfig = DEFAULT
 ) -> Stitch | NoStitch:
     """Submap b in the frame of submap a, or why there is no answer.
 
@@ -21,5 +23,4 @@ def align(
     it stands the tests of `stitch.verification.Acceptance`. ``"htms"`` is the report's method (Formsma): it
     always answers when both maps have walls, reads of the prior only its rotation, and has no covariance.
     """
-    config = config if config is not None else AlignConfig()
     return align_htms(a, b, prior, config) if config.method == "htms" else align_joint(a, b, prior, config)

@@ -47,7 +47,7 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
     located = _located(a, b, field, best, config)
     if isinstance(located, NoStitch):
         return located
-    T_a_b, sigma = located
+    T_a_b, sigma = located[0], (located[1] + located[1].T) / 2.0
     evidence = measure(raster_a, rasterise(walls_b, b.grid, T_a_b, config.resolution))
     peak_ratio = others[0].score / best.score if others else None
     reason = reason_against(evidence, peak_ratio, _innovation(prior, T_a_b, sigma), config.acceptance)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A world, a route and its hazards. ``summary`` says in one line why it exists; ``builder`` is module:function."""
+    """A world, a route and its hazards: ``summary`` says why it exists, ``builder`` is module:function."""
 
     name: str
     summary: str
@@ -29,7 +29,7 @@ class Scenario:
 _SCENARIOS = (
     Scenario(
         "hospital",
-        "Two corridors and seventeen rooms; sills and rubble tilt the laser until the matcher loses its place.",
+        "Two corridors, seventeen rooms; sills and rubble tilt the laser until the matcher loses its place.",
         "scenarios.catalogue.hospital:build",
     ),
 )

@@ -18,7 +18,7 @@ TRIES = 12
 
 @dataclass(frozen=True)
 class Piece:
-    """A kind of furniture: its ``size`` (length along the wall, depth) m and how to make one at a pose (3)."""
+    """A kind of furniture: its ``size`` (length along the wall, depth) m, and one made at a pose (3,)."""
 
     size: tuple[float, float]
     make: Callable[[Array], list[Prism]]
@@ -31,7 +31,7 @@ PIECES = {
     "crate": Piece((0.6, 0.4), lambda pose: [box(pose, 0.6, 0.4, z_hi=0.24)]),
     "trolley": Piece((0.7, 0.35), lambda pose: [box(pose, 0.7, 0.35, z_hi=0.9)]),
 }
-"""A level laser at 0.3 m sees the cupboard, the trolley, the desk's drawers and the bed's legs; not the crate."""
+"""A level laser at 0.3 m sees cupboard, trolley, the desk's drawers and the bed's legs; not the crate."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,12 @@ class Area:
         """A pose ``(3,)`` with the length of a piece along one of the four walls."""
         length, depth = size
         yaw = 0.5 * np.pi * rng.integers(4)
-        half_x, half_y = (0.5 * length, 0.5 * depth) if np.cos(yaw) ** 2 > 0.5 else (0.5 * depth, 0.5 * length)
+        along_x = bool(np.cos(yaw) ** 2 > 0.5)
+        half_x, half_y = 0.5 * np.array([length, depth] if along_x else [depth, length])
         lower = np.array([self.x0 + half_x + gap, self.y0 + half_y + gap])
         upper = np.maximum(np.array([self.x1 - half_x - gap, self.y1 - half_y - gap]), lower)
         x, y = rng.uniform(lower, upper)
-        if half_x > half_y or (half_x == half_y and rng.random() < 0.5):
+        if along_x:
             y = (lower, upper)[rng.integers(2)][1]
         else:
             x = (lower, upper)[rng.integers(2)][0]

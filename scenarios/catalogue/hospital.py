@@ -1,9 +1,10 @@
 """A hospital in the spirit of IranOpen 2012 Preliminary 2, the world of Experiment 1 in Formsma's report.
 
 Two corridors joined at both ends, rooms on either side, beds and desks that a level laser hardly sees. Door
-sills, rubble and one ledge tilt the robot: its laser then draws the floor as if it were a wall, beds appear, and
-a matcher that trusts a single scan finds nothing to match. The route returns to every corridor, so that what was
-torn can be stitched. It should show: segments cut at the sills and the rubble, and stitches that mend them.
+sills, rubble and one ledge tilt the robot: its laser then draws the floor as if it were a wall, beds
+appear, and a matcher that trusts a single scan finds nothing to match. The route returns to every corridor,
+so that what was torn can be stitched. It should show: segments cut at the sills and the rubble, and
+stitches that mend them.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ LEDGE = 0.15
 
 @dataclass(frozen=True)
 class Room:
-    """A room from ``x0`` to ``x1`` between the heights ``y`` of its walls; ``doors`` are x positions in them [m]."""
+    """A room between ``x0`` and ``x1`` and between walls at ``y``; ``doors``: x of the door by wall [m]."""
 
     x0: float
     x1: float
@@ -92,8 +93,8 @@ def draw_rooms(rng: np.random.Generator) -> Rooms:
 
 
 def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
-    """Waypoints ``(K, 2)`` m: two loops through the corridors, sharing the room in the middle, and five rooms."""
-    a, b = np.mean(CORRIDOR_A), np.mean(CORRIDOR_B)
+    """Waypoints ``(K, 2)`` m: two loops that share the room in the middle, and visits to five others."""
+    a, b = 0.5 * sum(CORRIDOR_A), 0.5 * sum(CORRIDOR_B)
     west, east = 0.5 * CROSS, LENGTH - 0.5 * CROSS
     through = rooms.middle[2]
     first_south, last_south = rng.choice([0, 1, 2]), rng.choice([3, 4, 5])
@@ -120,7 +121,7 @@ def _visit(room: Room, corridor: float, rng: np.random.Generator) -> list[Array]
     door = room.doors[wall_y]
     inwards = np.sign(wall_y - corridor)
     spots = [
-        room.centre + [side * rng.uniform(0.5, 1.1), inwards * rng.uniform(-0.4, 1.0)]
+        room.centre + np.array([side * rng.uniform(0.5, 1.1), inwards * rng.uniform(-0.4, 1.0)])
         for side in rng.permutation([-1.0, 1.0])
     ]
     outside, step = np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards])

@@ -15,6 +15,7 @@ from slam.se2 import Array
 from slam.submap import Submap
 from stitch.align import NoStitch, Prior, Stitch, align
 from stitch.config import AlignConfig
+from stitch.verification import Acceptance
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class LoopConfig:
     A submap spans ``length`` m of drive. Each is stitched to at most ``candidates`` earlier ones whose middles may lie
     within ``reach`` m, no two of them closer than ``spread`` submaps along the drive. The search window grows with
     the graph distance: ``window`` (m at distance zero, m per m, most m), ``window_ins`` for an INS, and
-    ``window_angle`` likewise in rad. ``trusted_edge`` m is how long an accepted loop counts in that distance.
+    ``window_angle`` likewise in rad. ``trusted_edge`` m is how long an accepted loop counts in that distance, ``broken_edge`` m what a failure adds
+    to it.
     """
 
     length: float = 3.0
@@ -33,10 +35,11 @@ class LoopConfig:
     spread: int = 3
     window: tuple[float, float, float] = (0.8, 0.020, 3.5)
     window_ins: tuple[float, float, float] = (0.4, 0.008, 1.0)
-    window_angle: tuple[float, float, float] = (np.radians(4.0), np.radians(0.25), np.radians(20.0))
+    window_angle: tuple[float, float, float] = (np.radians(5.0), np.radians(0.25), np.radians(20.0))
     trusted_edge: float = 1.0
+    broken_edge: float = 15.0
     rounds: int = 2
-    align: AlignConfig = field(default_factory=AlignConfig)
+    align: AlignConfig = field(default_factory=lambda: AlignConfig(acceptance=Acceptance(max_conflict=0.12)))
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,9 @@ class _Search:
         self.results: dict[tuple[int, int], Stitch | NoStitch] = {}
         self.poses = backbone.poses
         self.weights = np.zeros(0)
-        self.steps = np.linalg.norm(np.diff(backbone.poses[:, :2], axis=0), axis=1)
+        broken = np.array([a.stop != b.start for a, b in zip(submaps, submaps[1:], strict=False)], dtype=float)
+        walked = np.linalg.norm(np.diff(backbone.poses[:, :2], axis=0), axis=1)
+        self.steps = walked + config.broken_edge * broken
         self.middles = np.array([submap.points.points.mean(axis=0) for submap in submaps])
 
     def accepted(self) -> list[tuple[tuple[int, int], Stitch]]:

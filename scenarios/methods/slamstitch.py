@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,11 +11,9 @@ from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import close
 from slam import bundle, chain, keyframes, se2
 from slam.frontend import track
-from slam.posegraph import PoseGraph
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.segmentation import Segment, segments
-from slam.se2 import Array
 from slam.submap import cut
 from slam.track import Track, Verdict
 
@@ -24,16 +22,16 @@ def run(recording: Recording, config: MethodConfig) -> Estimate:
     """Track the drive, cut it into submaps, stitch them where they meet, let the graph decide, adjust the bundle."""
     scans = scans_of(recording)
     found = track(recording, config.frontend)
-    trusted = np.flatnonzero(found.verdict != Verdict.FELL_BACK)
+    matched = found.verdict != Verdict.FELL_BACK
+    drawn = np.array([k for k in keyframes.choose(found.poses) if matched[k]])
     stretches = chop(found, segments(found, config.segmentation), config.loops.length)
-    submaps = [cut(recording, scans, found.poses, s.start, s.stop, trusted) for s in stretches]
+    submaps = [cut(recording, scans, found.poses, s.start, s.stop, np.union1d(drawn, s.start)) for s in stretches]
     anchors = np.array([s.start for s in stretches])
     closed = close(submaps, chain.backbone(recording, found, anchors), recording.source, config.loops)
     poses = keyframes.carry(found.poses, anchors, closed.poses)
     rows = keyframes.choose(poses)
-    reckoned = reckoning(recording, found, rows, poses)
-    usable = found.verdict[rows] != Verdict.FELL_BACK
-    graph = bundle.adjust([scans[k] for k in rows], reckoned, usable, config.bundle)
+    reckoned = chain.reckoning(recording, poses, rows)
+    graph = bundle.adjust([scans[k] for k in rows], reckoned, matched[rows], config.bundle)
     return Estimate(
         "slamstitch",
         keyframes.carry(poses, rows, graph.poses),
@@ -56,8 +54,3 @@ def chop(found: Track, stretches: tuple[Segment, ...], length: float) -> list[Se
         pieces += [Segment(stretch.start + int(a), stretch.start + int(b)) for a, b in zip(edges[:-1], edges[1:])]
     return pieces
 
-
-def reckoning(recording: Recording, found: Track, rows: np.ndarray, poses: Array) -> PoseGraph:
-    """Dead reckoning alone between the scans ``rows``, at ``poses``."""
-    silent = replace(found, verdict=np.full(len(found), Verdict.FELL_BACK, dtype=np.int8))
-    return replace(chain.backbone(recording, silent, rows), poses=poses[rows])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+View = tuple[float, float, float, float]
+"""``x_min, x_max, y_min, y_max`` m."""
 MARGIN = 1.0
 """Free space around a drawing [m]."""
 
@@ -31,12 +34,10 @@ def maps(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[st
     truth = true_map(recording)
     truth_cells = None if truth is None else occupied_cells(truth)
     drawn = [_cells(recording, estimate) for estimate in estimates]
-    points = [_centres(truth_cells)] if truth_cells is not None else [_centres(cells) for cells in drawn]
-    limits = [_limits(p) for p in points]
-    figure, axes = panels(len(estimates), _aspect(limits))
-    for i, (ax, estimate, cells) in enumerate(zip(axes, estimates, drawn, strict=True)):
-        view = limits[i % len(limits)]
-        _set_view(ax, view)
+    views, aspect = _views([_centres(cells if truth is None else truth_cells) for cells in drawn])
+    figure, axes = panels(len(estimates), aspect)
+    for ax, estimate, cells, view in zip(axes, estimates, drawn, views, strict=True):
+        ax.axis(view)
         _draw_walls(ax, cells, truth_cells, _marker_size(ax, view))
         ax.set_title(titles[estimate.method], fontsize=FONT["title"], parse_math=False)
         _tell_of_walls_outside(ax, cells, view)
@@ -51,11 +52,10 @@ def trajectories(recording: Recording, estimates: Sequence[Estimate], titles: Ma
     """The path of every method, over the true one where there is truth; ``titles`` by method."""
     truth = recording.truth
     paths = [estimate.poses if truth is None else aligned(estimate.poses, truth) for estimate in estimates]
-    points = paths if truth is None else [truth]
-    limits = [_limits(p) for p in points]
-    figure, axes = panels(len(estimates), _aspect(limits))
-    for i, (ax, estimate, path) in enumerate(zip(axes, estimates, paths, strict=True)):
-        _set_view(ax, limits[i % len(limits)])
+    views, aspect = _views([path if truth is None else truth for path in paths])
+    figure, axes = panels(len(estimates), aspect)
+    for ax, estimate, path, view in zip(axes, estimates, paths, views, strict=True):
+        ax.axis(view)
         if truth is not None:
             ax.plot(truth[:, 0], truth[:, 1], color=ORANGE, linewidth=3.0, solid_capstyle="round")
         ax.plot(path[:, 0], path[:, 1], color=BLACK, linewidth=0.9)
@@ -90,14 +90,14 @@ def confidence(estimate: Estimate) -> Figure:
     axes = figure.subplots(len(CONFIDENCE), 1, sharex=True)
     for ax, (name, label, scale) in zip(axes, CONFIDENCE, strict=True):
         values = track.matches.astype(float) if name == "matches" else track.confidence[name]
-        _confidence_panel(ax, np.where(tried, values, np.nan), lost, scale)
+        _confidence_panel(ax, np.flatnonzero(tried), values[tried], lost, scale)
         ax.set_ylabel(label, fontsize=FONT["label"])
-        for submap in estimate.submaps[1:]:
-            ax.axvline(submap.start - 0.5, color=SKY, linewidth=1.2, zorder=0)
+        for before, after in itertools.pairwise(estimate.submaps):
+            ax.axvspan(before.stop - 0.5, after.start - 0.5, color=SKY, alpha=0.5, linewidth=1.5, zorder=0)
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
     axes[-1].set_xlim(-0.5, len(track) - 0.5)
     axes[0].set_title(
-        f"{estimate.method}: {len(lost)} of {tried.sum()} matched steps have no match, "
+        f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, "
         f"{max(len(estimate.submaps) - 1, 0)} cuts",
         fontsize=FONT["title"],
         parse_math=False,
@@ -144,30 +144,29 @@ def _centres(cells: np.ndarray | None) -> Array:
     return np.zeros((0, 2)) if cells is None else (cells + 0.5) * RESOLUTION
 
 
-def _limits(points: Array) -> tuple[float, float, float, float]:
-    """View ``(x_min, x_max, y_min, y_max)`` m around points ``(n, >= 2)``."""
-    if len(points) == 0:
-        return -MARGIN, MARGIN, -MARGIN, MARGIN
-    low, high = points[:, :2].min(axis=0) - MARGIN, points[:, :2].max(axis=0) + MARGIN
-    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+def _views(drawings: Sequence[Array]) -> tuple[list[View], float]:
+    """What to show of each set of points ``(n, >= 2)`` m, of one height over width, and that ratio."""
+    boxes = [_box(points[:, :2]) for points in drawings]
+    aspect = float(np.clip(np.median([size[1] / size[0] for _, size in boxes]), 0.3, 2.5))
+    views = []
+    for (x, y), size in boxes:
+        half = max(size[0], size[1] / aspect) / 2.0
+        views.append((float(x - half), float(x + half), float(y - half * aspect), float(y + half * aspect)))
+    return views, aspect
 
 
-def _aspect(limits: Sequence[tuple[float, float, float, float]]) -> float:
-    ratios = [(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in limits]
-    return float(np.clip(np.median(ratios), 0.3, 2.5))
+def _box(points: Array) -> tuple[Array, Array]:
+    """Centre and size ``(2,)`` m of the box around points, with a margin."""
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+    return (low + high) / 2.0, high - low + 2.0 * MARGIN
 
 
-def _set_view(ax: Axes, limits: tuple[float, float, float, float]) -> None:
-    ax.set_xlim(*limits[:2])
-    ax.set_ylim(*limits[2:])
-
-
-def _marker_size(ax: Axes, limits: tuple[float, float, float, float]) -> float:
+def _marker_size(ax: Axes, view: View) -> float:
     """Side of a cell on paper [pt], and at least what can be seen."""
     figure: Any = ax.figure
     columns = ax.get_subplotspec().get_gridspec().ncols  # type: ignore[union-attr]
     points = 72.0 * figure.get_figwidth() / columns * 0.9
-    return max(points * RESOLUTION / (limits[1] - limits[0]), 0.8)
+    return max(1.4 * points * RESOLUTION / (view[1] - view[0]), 0.8)
 
 
 def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None, size: float) -> None:
@@ -185,9 +184,7 @@ def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None, si
         ax.plot(x, y, linestyle="none", marker="s", markersize=size, markeredgewidth=0, color=colour)
 
 
-def _tell_of_walls_outside(
-    ax: Axes, cells: np.ndarray | None, view: tuple[float, float, float, float]
-) -> None:
+def _tell_of_walls_outside(ax: Axes, cells: np.ndarray | None, view: View) -> None:
     if cells is None or len(cells) == 0:
         return
     x, y = _centres(cells).T
@@ -202,12 +199,11 @@ def _tell_of_walls_outside(
         )
 
 
-def _confidence_panel(ax: Axes, values: Array, lost: np.ndarray, scale: str) -> None:
+def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarray, scale: str) -> None:
     drawable = np.isfinite(values) & ((values > 0.0) if scale == "log" else True)
-    x = np.flatnonzero(drawable)
     ax.set_yscale(scale)
-    ax.plot(x, values[x], color=BLACK, linewidth=0.5, marker=".", markersize=2.5)
-    if len(x) == 0:
+    ax.plot(scans, np.where(drawable, values, np.nan), color=BLACK, linewidth=0.5, marker=".", markersize=2.5)
+    if not np.any(drawable):
         ax.text(0.5, 0.5, "no step was matched", transform=ax.transAxes, ha="center", fontsize=FONT["label"])
     elif scale == "linear":
         ax.set_ylim(bottom=0.0)

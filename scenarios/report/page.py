@@ -6,6 +6,7 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from scenarios.estimate import Estimate
 from scenarios.evaluation.metric import Metric
@@ -14,6 +15,9 @@ from scenarios.report.style import png
 from scenarios.report.table import tabulate
 from scenarios.report.verdict import headline, verdict
 from slam.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -92,5 +96,5 @@ def pictures(recording: Recording, estimates: Sequence[Estimate], metrics: Seque
     return result
 
 
-def _picture(figure: object, alt: str, caption: str) -> Picture:
-    return Picture(base64.b64encode(png(figure)).decode("ascii"), alt, caption)  # type: ignore[arg-type]
+def _picture(figure: Figure, alt: str, caption: str) -> Picture:
+    return Picture(base64.b64encode(png(figure)).decode("ascii"), alt, caption)

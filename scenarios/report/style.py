@@ -24,13 +24,16 @@ def panels(count: int, aspect: float) -> tuple[Figure, list[Axes]]:
     """A figure of ``count`` panels whose height is ``aspect`` times their width, and their axes."""
     from matplotlib.figure import Figure
 
-    columns = max(1, min(count, math.ceil(math.sqrt(count * aspect * 1.4))))
-    rows = math.ceil(count / columns)
+    rows = max(1, round(math.sqrt(count / (1.4 * aspect))))
+    columns = math.ceil(count / rows)
     width = WIDTH if columns > 1 else min(WIDTH, 8.0 / aspect + 1.0)
-    figure = Figure(figsize=(width, rows * (width / columns * aspect + 0.4) + 0.4), layout="constrained")
+    height = (
+        rows * ((width / columns - 0.45) * aspect + 0.55) + 0.4
+    )  # beside the panels: labels, titles, legend
+    figure = Figure(figsize=(width, height), layout="constrained")
     axes = [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
     for i, ax in enumerate(axes):
-        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_aspect("equal")
         ax.tick_params(labelsize=FONT["tick"])
         if i + columns >= count:
             ax.set_xlabel("x [m]", fontsize=FONT["label"])

@@ -49,7 +49,8 @@ def _ranking(best: str, scores: dict[str, float], words: str) -> str:
     text = f"{best} is best: {words} {_metres(scores[best])}"
     if BASELINE in scores and scores[best] > 0.0:
         times = scores[BASELINE] / scores[best]
-        return f"{text}, {times:.1f} times better than dead reckoning ({_metres(scores[BASELINE])})."
+        digits = 1 if times < 10.0 else 0
+        return f"{text}, {times:.{digits}f} times better than dead reckoning ({_metres(scores[BASELINE])})."
     return f"{text}."
 
 

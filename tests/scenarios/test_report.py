@@ -1,0 +1,287 @@
+import html.parser
+import io
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.estimate import Estimate
+from scenarios.evaluation import cost, evaluate
+from scenarios.evaluation.metric import Metric, measured, missing
+from scenarios.report import figures
+from scenarios.report.page import render, titles
+from scenarios.report.style import panels, png
+from scenarios.report.table import tabulate, to_rich
+from scenarios.report.verdict import verdict
+from slam.occupancy import Grid
+from slam.recording import Laser, Recording
+from slam.scan import Scan
+from slam.submap import Submap
+from slam.track import Track
+
+N = 40
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """A drive of 4 m along a wall that winds about it."""
+    angles = np.linspace(-1.5, 1.5, 61)
+    truth = np.column_stack([0.1 * np.arange(N), np.zeros(N), np.zeros(N)])
+    ranges = np.tile(2.0 + np.cos(3 * angles), (N, 1))
+    return Recording("drive", np.arange(N), ranges, angles, Laser(), truth * [1.0, 1, 1], truth=truth)
+
+
+def track(matches: np.ndarray) -> Track:
+    with np.errstate(divide="ignore"):
+        trace = np.where(matches > 0, 1.0 / matches, np.inf)
+    trace[1::4] = np.nan  # not tried
+    confidence = {"trace2": trace, "det2": trace**2 / 4, "neg_matches": -matches.astype(float)}
+    nothing = np.full((N, 3, 3), np.nan)
+    return Track(
+        np.zeros((N, 3)), np.zeros(N, dtype=int), np.arange(N) - 1, nothing, nothing, matches, confidence
+    )
+
+
+def submap(start: int, stop: int) -> Submap:
+    empty, cells = np.zeros((0, 2)), np.zeros((1, 1), dtype=bool)
+    scan = Scan(empty, empty, empty, np.zeros((0, 2, 2)), np.zeros(0), np.zeros(0, dtype=int))
+    return Submap(start, stop, np.zeros(3), scan, Grid(cells, cells, np.zeros(2), 0.05))
+
+
+@pytest.fixture(scope="module")
+def estimates(recording) -> list[Estimate]:
+    matches = np.full(N, 50)
+    matches[[10, 20, 21]] = 0
+    bent = recording.truth + np.column_stack([np.zeros(N), 0.01 * np.arange(N) ** 1.5, np.zeros(N)])
+    return [
+        Estimate("ins", bent),
+        Estimate("slamstitch", recording.truth, track=track(matches), submaps=(submap(0, 20), submap(22, N))),
+    ]
+
+
+class Page(html.parser.HTMLParser):
+    """Tags, attributes and text of a page; refuses unbalanced tags."""
+
+    VOID = ("meta", "img", "br", "link")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not self.open or self.open[-1] != "style":
+            self.text += data
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attrs for name, attrs in self.tags if name == tag]
+
+
+def test_table_marks_the_best_in_its_direction():
+    metrics = [
+        *measured("a", {"ate_rmse": 0.5, "map_f1": 0.5, "segments": 3}),
+        *measured("b", {"ate_rmse": 0.4, "map_f1": 0.4, "segments": 2}),
+    ]
+    table = tabulate(metrics)
+    assert table.methods == ("a", "b")
+    best = {row.name: [cell.best for cell in row.cells] for row in table.rows}
+    assert best == {"ate_rmse": [False, True], "map_f1": [True, False], "segments": [False, False]}
+
+
+def test_table_marks_all_of_a_tie_and_none_when_all_are_alike():
+    def best(*values):
+        metrics = [m for i, v in enumerate(values) for m in measured(f"m{i}", {"ate_rmse": v})]
+        return [cell.best for cell in tabulate(metrics).rows[0].cells]
+
+    assert best(0.1, 0.1, 0.2) == [True, True, False]
+    assert best(0.1, 0.1) == [False, False]
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ((7.3828, 0.04472), ("7.3828", "0.0447")),
+        ((1500.0, 213.4), ("1500", "213")),
+        ((3.0, 0.0), ("3", "0")),
+        ((0.00001, 0.2), ("0.0000", "0.2000")),
+        ((12.34, 5.678), ("12.34", "5.68")),
+    ],
+)
+def test_numbers_of_a_row_share_their_decimals(values, texts):
+    metrics = [m for i, v in enumerate(values) for m in measured(f"m{i}", {"wall_s": v})]
+    assert tuple(cell.text for cell in tabulate(metrics).rows[0].cells) == texts
+
+
+def test_metrics_nobody_has_are_listed_once_with_their_reason():
+    metrics = [
+        *missing("a", ("map_f1", "map_iou"), "no truth"),
+        *missing("b", ("map_f1", "map_iou"), "no truth"),
+        *measured("a", {"ate_rmse": 1.0}),
+        *missing("b", ("ate_rmse",), "it failed"),
+    ]
+    table = tabulate(metrics)
+    assert table.absent == (("no truth", ("map_f1", "map_iou")),)
+    (row,) = table.rows
+    assert [(cell.text, cell.reason) for cell in row.cells] == [("1", None), ("–", "it failed")]
+
+
+def test_a_metric_without_a_definition_is_still_shown():
+    table = tabulate([Metric("my_metric", 2.0, "m", "lower", None, "a")])
+    assert table.rows[0].name == "my_metric"
+
+
+def test_console_table_shows_markup_as_text():
+    from rich.console import Console
+
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(to_rich(tabulate(measured("[red]x[/red]", {"ate_rmse": 0.25})), "run [bold]"))
+    text = console.export_text()
+    assert "[red]x[/red]" in text
+    assert "run [bold]" in text
+    assert re.search(r"ate_rmse ↓ +m +0\.250", text)
+
+
+def test_verdict_names_the_best_and_by_how_much():
+    metrics = [
+        m
+        for name, v in (("ins", 0.5), ("wsm", 0.4), ("oracle", 0.01))
+        for m in measured(name, {"ate_rmse": v})
+    ]
+    assert verdict(metrics) == (
+        "wsm is best: position error (ATE) 0.400 m, 1.2 times better than dead reckoning (0.500 m)."
+    )
+
+
+def test_verdict_admits_that_dead_reckoning_won():
+    metrics = [m for name, v in (("ins", 0.051), ("wsm", 0.3)) for m in measured(name, {"ate_rmse": v})]
+    assert verdict(metrics).startswith("No method improves on dead reckoning: position error (ATE) 0.051 m")
+
+
+def test_verdict_falls_back_on_relations_and_then_on_the_eye():
+    assert "relations 0.045 m" in verdict(measured("a", {"relation_trans_mean": 0.045}))
+    assert verdict(missing("a", ("ate_rmse",), "no truth")).startswith("Nothing to score against")
+
+
+def test_verdict_tells_of_false_stitches():
+    assert verdict(measured("htms", {"ate_rmse": 1.0, "stitches_false": 2})).endswith(
+        "htms accepted 2 false stitches."
+    )
+
+
+def test_page_is_one_file_with_every_figure_described(recording, estimates):
+    metrics = evaluate(recording, estimates) + cost("ins", 1.0, N, None)
+    text = render(recording, estimates, metrics, {"command": "python -m scenarios.run drive", "seed": 0})
+    page = Page(text)
+    images = page.all("img")
+    assert len(images) == 3  # maps, trajectories, confidence of the one method that has a track
+    assert all(
+        image["src"].startswith("data:image/png;base64,") and len(image["alt"]) > 20 for image in images
+    )
+    assert not re.search(r"""(src|href)=["']?(https?:|//)""", text)
+    assert page.all("script") == []
+    assert "prefers-color-scheme: dark" in text
+    assert "slamstitch is best" in page.text
+    assert "python -m scenarios.run drive" in page.text
+    for metric in metrics:
+        assert metric.name in page.text
+
+
+def test_everything_from_outside_is_escaped(recording, estimates):
+    attack = "<script>alert(1)</script>"
+    recording = replace(recording, name=attack)
+    estimates = [replace(estimates[0], method=attack)]
+    metrics = [*measured(attack, {"ate_rmse": 1.0}), *missing("b", ("ate_rmse",), f'"{attack}')]
+    page = Page(render(recording, estimates, metrics, {"command": attack, attack: {attack: attack}}))
+    assert page.all("script") == []
+    assert page.text.count(attack) >= 6
+
+
+def test_page_without_truth_still_shows_the_maps(recording, estimates):
+    blind = replace(recording, truth=None)
+    page = Page(render(blind, estimates, evaluate(blind, estimates), {}))
+    assert len(page.all("img")) == 3
+    assert "the recording has no truth" in page.text
+    assert "over truth" not in page.text
+
+
+def test_page_of_a_single_scan(recording):
+    one = replace(
+        recording,
+        time=recording.time[:1],
+        ranges=recording.ranges[:1],
+        dead_reckoning=recording.dead_reckoning[:1],
+        truth=recording.truth[:1],
+    )
+    estimates = [Estimate("ins", one.truth)]
+    assert "ins" in Page(render(one, estimates, evaluate(one, estimates), {})).text
+
+
+def test_map_figure_tells_found_wrong_and_missed_walls_apart(recording, estimates):
+    figure = figures.maps(recording, estimates, {"ins": "ins", "slamstitch": "slamstitch"})
+    bent, exact = ({line.get_color(): len(line.get_xdata()) for line in ax.get_lines()} for ax in figure.axes)
+    assert min(bent.values()) > 0
+    assert exact[figures.BLUE] == exact[figures.ORANGE] == 0
+    assert exact[figures.BLACK] > 0
+
+
+def test_titles_carry_the_score(recording, estimates):
+    metrics = [*measured("ins", {"ate_rmse": 0.25}), *missing("slamstitch", ("ate_rmse",), "why")]
+    assert titles(estimates, metrics) == {"ins": "ins   ATE 0.250 m", "slamstitch": "slamstitch"}
+
+
+def test_titles_are_not_mathematics(recording, estimates):
+    named = [replace(estimates[0], method="$a_{$")]
+    assert png(figures.trajectories(recording, named, {"$a_{$": "$a_{$"}), dpi=40)
+
+
+def test_confidence_marks_lost_steps_and_cuts(estimates):
+    figure = figures.confidence(estimates[1])
+    assert len(figure.axes) == 3
+    for ax in figure.axes:
+        line, dots = ax.get_lines()
+        assert dots.get_xdata().tolist() == [10, 20]  # 21 was not tried
+        assert dots.get_color() == figures.VERMILLION
+        assert set(line.get_xdata().tolist()) == set(range(N)) - set(range(1, N, 4))
+        (cut,) = ax.patches
+        assert cut.get_x() == 19.5
+        assert cut.get_width() == 2.0
+    trace = figure.axes[0].get_lines()[0]
+    assert np.isnan(trace.get_ydata()[trace.get_xdata() == 10])
+    assert figure.axes[0].get_yscale() == figure.axes[1].get_yscale() == "log"
+
+
+def test_confidence_of_a_drive_without_any_match(estimates):
+    lost = replace(estimates[1], track=track(np.zeros(N, dtype=int)))
+    assert png(figures.confidence(lost), dpi=40)
+
+
+def test_confidence_needs_a_track(estimates):
+    with pytest.raises(ValueError, match="ins has no track"):
+        figures.confidence(estimates[0])
+
+
+def test_single_map_shows_walls_free_and_unknown(recording, estimates):
+    (image,) = figures.single_map(recording, estimates[1]).axes[0].get_images()
+    assert np.unique(image.get_array()).tolist() == [0.0, 0.85, 1.0]
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+@pytest.mark.parametrize("aspect", [0.3, 1.0, 2.5])
+def test_panels_fit_on_a_page(count, aspect):
+    figure, axes = panels(count, aspect)
+    width, height = figure.get_size_inches()
+    assert len(axes) == count
+    assert width <= 11.0
+    assert height <= 22.0

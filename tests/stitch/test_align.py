@@ -1,0 +1,347 @@
+"""Two submaps of one building come together; two of different buildings do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import slam.matching
+import stitch.htms
+from slam import se2
+from slam.occupancy import Grid
+from slam.submap import Submap
+from stitch import NoStitch, Prior, Stitch, align
+from stitch.align import AlignConfig
+from stitch.joint import rotations, search
+from stitch.raster import rasterise, wall_points
+from stitch.verification import Acceptance
+
+CORRELATION = AlignConfig(refine=False)
+HTMS = AlignConfig(method="htms")
+COVARIANCE = np.diag([0.5, 0.5, 0.05]) ** 2
+
+
+def error(T_true: np.ndarray, T: np.ndarray) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between two poses."""
+    xi = se2.log(se2.between(T_true, T))
+    return float(np.hypot(xi[0], xi[1])), abs(float(xi[2]))
+
+
+def pair(plan: dict[str, Any], seed: int, overlap: float) -> tuple[Submap, Submap, np.ndarray]:
+    """Two submaps that share ``overlap`` m of a 30 m building, anchored far apart, and the truth."""
+    rng = np.random.default_rng(seed)
+    segments = plan["rooms"](rng)
+    anchors = np.array([[8.0, 9.0, rng.uniform(-3.0, 3.0)], [20.0, 9.0, rng.uniform(-3.0, 3.0)]])
+    walks = (plan["walk"](rng, 1.5, 15.0 + overlap / 2), plan["walk"](rng, 15.0 - overlap / 2, 28.5))
+    a, b = (plan["see"](segments, w, T, rng) for w, T in zip(walks, anchors, strict=True))
+    return a, b, se2.between(anchors[0], anchors[1])
+
+
+@pytest.fixture(scope="module")
+def near(plan: dict[str, Any]) -> tuple[Submap, Submap, np.ndarray]:
+    return pair(plan, 0, 8.0)
+
+
+@pytest.fixture(scope="module")
+def strangers(plan: dict[str, Any]) -> tuple[Submap, Submap]:
+    return pair(plan, 1, 8.0)[0], pair(plan, 2, 8.0)[1]
+
+
+def shifted(submap: Submap, T: np.ndarray) -> Submap:
+    """The same map in another frame, not turned; T is the new frame in the old one."""
+    back = se2.inverse(T)
+    grid = replace(submap.grid, origin=submap.grid.origin + back[:2])
+    return replace(submap, points=submap.points.transformed(back), grid=grid)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("overlap", [4.0, 12.0])
+def test_known_poses_are_recovered_without_a_guess(plan: dict[str, Any], seed: int, overlap: float) -> None:
+    a, b, T_true = pair(plan, seed, overlap)
+    answer = align(a, b, config=CORRELATION)
+    assert isinstance(answer, Stitch), answer
+    distance, angle = error(T_true, answer.T_a_b)
+    assert distance < 0.06
+    assert angle < np.radians(0.4)
+    assert answer.agreement > 0.9
+    assert answer.overlap_area > 40.0
+
+
+def test_the_matcher_sharpens_the_answer(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    a, b, T_true = near
+    coarse, fine = align(a, b, config=CORRELATION), align(a, b)
+    assert isinstance(coarse, Stitch)
+    assert isinstance(fine, Stitch)
+    assert error(T_true, fine.T_a_b)[0] < min(0.003, error(T_true, coarse.T_a_b)[0])
+    added = np.linalg.eigvalsh(fine.covariance - coarse.covariance)
+    assert np.all(added > 0.0)
+
+
+def test_both_ways_round(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    a, b, T_true = near
+    answer = align(b, a)
+    assert isinstance(answer, Stitch)
+    assert error(se2.inverse(T_true), answer.T_a_b)[0] < 0.005
+
+
+def test_origins_enter_the_translation(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    a, b, T_true = near
+    T = np.array([3.7, -12.3, 0.0])
+    answer = align(shifted(a, T), b, config=CORRELATION)
+    assert isinstance(answer, Stitch)
+    assert error(se2.compose(se2.inverse(T), T_true), answer.T_a_b)[0] < 0.06
+
+
+def test_a_prior_narrows_the_search(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    a, b, T_true = near
+    guess = se2.compose(T_true, [0.6, -0.4, 0.06])
+    answer = align(a, b, Prior(guess, COVARIANCE), CORRELATION)
+    assert isinstance(answer, Stitch)
+    assert error(T_true, answer.T_a_b)[0] < 0.06
+    for alternative in answer.alternatives:
+        assert np.all(np.abs(se2.between(guess, alternative.T_a_b)[:2]) < 3.5)
+
+
+def test_a_wrong_prior_is_refused(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    a, b, T_true = near
+    answer = align(a, b, Prior(se2.compose(T_true, [0.0, 6.0, 0.0]), COVARIANCE), CORRELATION)
+    assert isinstance(answer, NoStitch)
+    assert answer.reason
+
+
+def test_the_prior_decides_between_equals(plan: dict[str, Any]) -> None:
+    """A bare square room looks the same after a quarter turn: a guess of the yaw makes it certain."""
+    rng = np.random.default_rng(3)
+    room = np.array(plan["box"](0.0, 0.0, 6.0, 6.0))
+    poses = np.column_stack([rng.uniform(1.0, 5.0, (20, 2)), rng.uniform(-3.0, 3.0, 20)])
+    anchors = np.array([[2.0, 3.0, 0.1], [4.0, 2.5, 1.4]])
+    a, b = (plan["see"](room, poses, anchor, rng) for anchor in anchors)
+    T_true = se2.between(anchors[0], anchors[1])
+    alone = align(a, b, config=CORRELATION)
+    assert isinstance(alone, NoStitch)
+    assert "ambiguity" in alone.reason
+    assert alone.best is not None
+    told = align(a, b, Prior(T_true, np.diag([1.0, 1.0, 0.1]) ** 2), CORRELATION)
+    assert isinstance(told, Stitch)
+    assert error(T_true, told.T_a_b)[0] < 0.06
+
+
+def test_different_buildings_are_refused(strangers: tuple[Submap, Submap]) -> None:
+    answer = align(*strangers, config=CORRELATION)
+    assert isinstance(answer, NoStitch)
+    assert answer.reason
+    assert answer.best is not None
+
+
+def test_parts_that_never_meet_are_refused(plan: dict[str, Any]) -> None:
+    a, b, _ = pair(plan, 4, -14.0)
+    assert isinstance(align(a, b, config=CORRELATION), NoStitch)
+
+
+def test_thresholds_are_obeyed(
+    near: tuple[Submap, Submap, np.ndarray], strangers: tuple[Submap, Submap]
+) -> None:
+    strict = replace(CORRELATION, acceptance=Acceptance(min_overlap=1000.0))
+    assert isinstance(align(near[0], near[1], config=strict), NoStitch)
+    credulous = Acceptance(4.0, 0.0, 0.0, 0.0, 1.0, np.inf, np.inf)
+    assert isinstance(align(*strangers, config=replace(CORRELATION, acceptance=credulous)), Stitch)
+
+
+def test_free_space_is_what_refuses_clutter(strangers: tuple[Submap, Submap]) -> None:
+    """Without the penalty the walls of strangers coincide better than with it."""
+    answers = [align(*strangers, config=replace(CORRELATION, free_penalty=p)) for p in (0.0, 5.0)]
+    assert all(isinstance(answer, NoStitch) and answer.best for answer in answers)
+    assert answers[0].best.score > 1.5 * answers[1].best.score
+
+
+@pytest.mark.parametrize("method", ["joint", "htms"])
+@pytest.mark.parametrize("empty", ["a", "b"])
+def test_an_empty_map_has_a_reason(
+    near: tuple[Submap, Submap, np.ndarray], plan: dict[str, Any], method: str, empty: str
+) -> None:
+    blank = np.zeros((4, 4), dtype=bool)
+    nothing = Submap(
+        0, 1, np.zeros(3), plan["scan_of"](np.zeros((0, 2))), Grid(blank, blank, np.zeros(2), 0.05)
+    )
+    maps = (nothing, near[1]) if empty == "a" else (near[0], nothing)
+    answer = align(*maps, config=AlignConfig(method=method))
+    assert isinstance(answer, NoStitch)
+    assert f"submap {empty}" in answer.reason
+    assert answer.best is None
+
+
+def test_a_matcher_without_an_answer_is_heard(
+    near: tuple[Submap, Submap, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(slam.matching, "match", lambda *_: slam.matching.NoMatch("too few pairs"))
+    answer = align(near[0], near[1])
+    assert isinstance(answer, NoStitch)
+    assert "too few pairs" in answer.reason
+
+
+def test_a_matcher_that_wanders_off_is_not_believed(
+    near: tuple[Submap, Submap, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = slam.matching.match
+
+    def astray(reference, scan, guess):
+        answer = real(reference, scan, guess)
+        return replace(answer, T_reference_scan=se2.compose(answer.T_reference_scan, [0.5, 0.0, 0.0]))
+
+    monkeypatch.setattr(slam.matching, "match", astray)
+    answer = align(near[0], near[1])
+    assert isinstance(answer, NoStitch)
+    assert "left the peak" in answer.reason
+
+
+def test_a_bare_corridor_is_ambiguous_and_its_covariance_wide(plan: dict[str, Any]) -> None:
+    """Two walls and a guess: refused; if it must be taken, sure across and unsure along, in the axes of b."""
+    rng = np.random.default_rng(6)
+    walls = np.array([[-40.0, 0.0, 40.0, 0.0], [-40.0, 2.0, 40.0, 2.0]])
+    poses = np.column_stack([np.linspace(-3.0, 3.0, 20), np.full(20, 1.0), rng.uniform(-3.0, 3.0, 20)])
+    anchors = np.array([[0.0, 1.0, 0.3], [1.0, 1.0, 0.3 + np.pi / 2]])
+    a, b = (plan["see"](walls, poses, anchor, rng) for anchor in anchors)
+    T_true = se2.between(anchors[0], anchors[1])
+    prior = Prior(T_true, np.diag([0.4, 0.4, 0.03]) ** 2)
+    refused = align(a, b, prior)
+    assert isinstance(refused, NoStitch)
+    assert "ambiguity" in refused.reason
+    answer = align(a, b, prior, AlignConfig(acceptance=Acceptance(max_peak_ratio=1.0)))
+    assert isinstance(answer, Stitch)
+    R = se2.rotation(anchors[1, 2])  # from b's axes to the building's
+    spread = R @ answer.covariance[:2, :2] @ R.T
+    assert np.sqrt(spread[1, 1]) < 0.06
+    assert np.sqrt(spread[0, 0]) > 4.0 * np.sqrt(spread[1, 1])
+
+
+def test_covariance_is_symmetric_and_positive(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    answer = align(near[0], near[1])
+    assert isinstance(answer, Stitch)
+    np.testing.assert_array_equal(answer.covariance, answer.covariance.T)
+    assert np.linalg.eigvalsh(answer.covariance)[0] > 1e-6
+
+
+def test_no_directions_means_a_sweep_around_the_prior() -> None:
+    rng = np.random.default_rng(0)
+    bushes = rng.normal(0.0, 5.0, (1500, 2))
+    prior = Prior(np.array([0.0, 0.0, 3.1]), np.diag([1.0, 1.0, 0.06]) ** 2)
+    found = se2.wrap(rotations(bushes, bushes[::-1], prior, AlignConfig()) - 3.1)
+    swept = np.sort(found)
+    assert np.all(np.diff(swept) <= 0.0351)
+    assert swept[0] < -0.18
+    assert swept[-1] > 0.18
+    assert np.abs(swept).max() < 0.28
+
+
+def test_a_map_without_straight_lines_is_found_around_the_prior(plan: dict[str, Any]) -> None:
+    rng = np.random.default_rng(8)
+    stones = []
+    for x, y in rng.uniform(-6.0, 6.0, (40, 2)):
+        turn, size = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.2, 0.5)
+        corner = [x, y] + size * np.stack([np.cos(turn + np.arange(6)), np.sin(turn + np.arange(6))], -1)
+        stones += [[*p, *q] for p, q in zip(corner, np.roll(corner, -1, axis=0), strict=True)]
+    poses = np.column_stack([rng.uniform(-4.0, 4.0, (30, 2)), rng.uniform(-3.0, 3.0, 30)])
+    anchors = np.array([[0.0, 1.0, 0.4], [2.0, -1.0, 2.3]])
+    a, b = (plan["see"](np.array(stones), poses, anchor, rng) for anchor in anchors)
+    T_true = se2.between(anchors[0], anchors[1])
+    guess = se2.compose(T_true, [0.3, 0.3, np.radians(7.0)])
+    answer = align(a, b, Prior(guess, np.diag([0.5, 0.5, np.radians(5.0)]) ** 2), CORRELATION)
+    assert isinstance(answer, Stitch), answer
+    assert error(T_true, answer.T_a_b)[0] < 0.06
+
+
+def test_wall_points_are_thinned_and_leave_out_what_was_seen_through(plan: dict[str, Any]) -> None:
+    occupied, free = np.zeros((10, 10), bool), np.ones((10, 10), bool)
+    occupied[2, 3] = True
+    free[2, 3] = False
+    points = np.array([[3.2, 2.4], [3.4, 2.6], [7.5, 7.5], [-1.0, 2.0], [30.0, 2.0]])
+    submap = Submap(0, 1, np.zeros(3), plan["scan_of"](points), Grid(occupied, free, np.zeros(2), 1.0))
+    np.testing.assert_allclose(wall_points(submap, 1.0), [[3.3, 2.5]])
+
+
+def test_rotated_free_space_has_no_holes() -> None:
+    free = np.ones((60, 80), dtype=bool)
+    grid = Grid(~free, free, np.array([-1.0, 2.0]), 0.05)
+    turned = rasterise(np.zeros((0, 2)), grid, np.array([0.3, -0.2, 0.6]), 0.1)
+    assert turned.free.sum() * 0.01 == pytest.approx(4.0 * 3.0, rel=0.02)
+    rows, columns = np.nonzero(turned.free)
+    for row in np.unique(rows):
+        inside = columns[rows == row]
+        assert len(inside) == inside.max() - inside.min() + 1
+
+
+def test_htms_needs_a_large_overlap_and_never_refuses(
+    plan: dict[str, Any], strangers: tuple[Submap, Submap]
+) -> None:
+    """The report's finding: rotation right, translation right only where the maps overlap much."""
+    a, b, T_true = pair(plan, 5, 24.0)
+    told = Prior(np.array([0.0, 0.0, T_true[2] + 0.2]), COVARIANCE)  # its translation is not read
+    answer = align(a, b, told, HTMS)
+    assert isinstance(answer, Stitch)
+    distance, angle = error(T_true, answer.T_a_b)
+    assert distance < 0.3
+    assert angle < np.radians(1.0)
+    assert answer.covariance is None
+    assert isinstance(align(*strangers, config=HTMS), Stitch)
+
+
+def test_htms_takes_the_smallest_rotation_of_four(plan: dict[str, Any]) -> None:
+    """The report's section 4.3; the four hypotheses of its figure 3.11 are all returned."""
+    a, b, _ = pair(plan, 5, 24.0)
+    alone = align(a, b, config=HTMS)
+    assert isinstance(alone, Stitch)
+    turns = np.abs([alone.T_a_b[2], *(other.T_a_b[2] for other in alone.alternatives)])
+    assert len(turns) == 4
+    assert turns[0] == turns.min()
+    turned = align(a, b, Prior(np.array([0.0, 0.0, alone.T_a_b[2] + np.pi]), COVARIANCE), HTMS)
+    assert isinstance(turned, Stitch)
+    assert abs(abs(float(se2.wrap(turned.T_a_b[2] - alone.T_a_b[2]))) - np.pi) < 1e-9
+
+
+def test_htms_aligns_the_maps_to_the_dominant_direction(
+    near: tuple[Submap, Submap, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def noted(walls_a, walls_b, yaw, direction, resolution):
+        asked.append(direction)
+        return np.zeros(2), 1.0
+
+    monkeypatch.setattr(stitch.htms, "by_spectra", noted)
+    align(near[0], near[1], config=HTMS)
+    off = np.sin(2.0 * (np.array(asked) + near[0].anchor[2]))  # walls run along the building's axes
+    np.testing.assert_allclose(off, 0.0, atol=0.03)
+
+
+def test_the_search_loses_what_the_prior_says(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    a, b, T_true = near
+    maps = (a, wall_points(a, 0.1)), (b, wall_points(b, 0.1))
+    prior = Prior(se2.compose(T_true, [0.8, 0.0, 0.0]), COVARIANCE)
+    free, held = (
+        search(*maps, T_true[2:], prior, replace(CORRELATION, prior_weight=weight))[0]
+        for weight in (0.0, 20.0)
+    )
+    np.testing.assert_allclose(held.T_a_b, free.T_a_b)
+    assert free.score - held.score == pytest.approx(10.0 * prior.distance(free.T_a_b), rel=1e-4)
+
+
+def test_same_input_same_output(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    first, second = align(near[0], near[1]), align(near[0], near[1])
+    assert isinstance(first, Stitch)
+    assert isinstance(second, Stitch)
+    np.testing.assert_array_equal(first.T_a_b, second.T_a_b)
+    np.testing.assert_array_equal(first.covariance, second.covariance)
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(ValueError, match="method"):
+        AlignConfig(method="magic")
+    with pytest.raises(ValueError, match="resolution"):
+        AlignConfig(resolution=0.0)
+    with pytest.raises(ValueError, match="positive definite"):
+        Prior(np.zeros(3), np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="finite pose"):
+        Prior(np.array([0.0, np.nan, 0.0]), np.eye(3))

@@ -1,0 +1,93 @@
+"""The score between the cells is the score of the search, and its top has a width."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slam import se2
+from stitch.config import AlignConfig
+from stitch.raster import Raster, dilated
+from stitch.refinement import ScoreField, climb, covariance, score_field
+from stitch.result import Prior
+from stitch.translation import correlate, padded_shape, spectra
+
+CONFIG = AlignConfig(resolution=0.5)
+
+
+def random_raster(seed: int, shape: tuple[int, int], first: tuple[int, int]) -> Raster:
+    rng = np.random.default_rng(seed)
+    occupied = rng.uniform(size=shape) < 0.1
+    free = (rng.uniform(size=shape) < 0.7) & ~dilated(occupied)
+    return Raster(occupied, free, np.array(first, dtype=float), 0.5)
+
+
+def points_of(raster: Raster) -> np.ndarray:
+    rows, columns = np.nonzero(raster.occupied)
+    return (raster.first + np.stack([columns, rows], -1) + 0.5) * raster.resolution
+
+
+def field_of(a: Raster, b: Raster, config: AlignConfig = CONFIG, prior: Prior | None = None) -> ScoreField:
+    return score_field(a, points_of(a), b, points_of(b), prior, config)
+
+
+def test_agrees_with_the_search_at_whole_cells() -> None:
+    a, b = random_raster(0, (30, 24), (-4, 7)), random_raster(1, (18, 20), (2, -5))
+    shape = padded_shape(a, 20)
+    found = correlate(spectra(a, shape), spectra(b, shape))
+    # shifts at which b lies well inside a, and one where it hangs over the border
+    for row, column in [(20, 22), (25, 20), (30, 30), (40, 38)]:
+        t = found.translations()[row, column]
+        score = field_of(a, b).scores(np.array([[*t, 0.0]]))[0]
+        expected = float(found.score[row, column])
+        assert score == pytest.approx(expected, rel=0.02, abs=0.5)
+
+
+def test_the_outermost_wall_counts() -> None:
+    """A wall in the last row of a grid is still a wall, also half a cell beyond its centre."""
+    walls = np.zeros((5, 9), dtype=bool)
+    walls[4] = True
+    a = Raster(walls, np.zeros_like(walls), np.zeros(2), 0.5)
+    scores = field_of(a, a).scores(np.array([[0.0, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, -0.2, 0.0]]))
+    assert scores[0] > 9.0
+    assert scores[1] == pytest.approx(scores[2])
+    assert scores[1] > 0.8 * scores[0]
+
+
+def test_climbing_reaches_the_top() -> None:
+    a = random_raster(2, (40, 40), (-20, -20))
+    field = field_of(a, a)
+    T, score = climb(field, np.array([0.22, -0.17, 0.03]), np.zeros(2))
+    np.testing.assert_allclose(T, 0.0, atol=0.03)
+    assert score > field.scores(np.array([[0.22, -0.17, 0.03]]))[0]
+
+
+def test_warp_widens_the_covariance_about_the_pivot() -> None:
+    a, pivot = random_raster(3, (40, 40), (-20, -20)), np.array([6.0, -2.0])
+    none, warped = (
+        covariance(field_of(a, a, replace(CONFIG, warp=warp)), np.zeros(3), pivot)
+        for warp in ((0.0, 0.0), (0.02, 0.005))
+    )
+    expected = se2.transport(np.diag([0.02, 0.02, 0.005]) ** 2, np.array([*pivot, 0.0]))
+    np.testing.assert_allclose(warped - none, expected, atol=1e-12)
+
+
+def test_a_hotter_score_is_a_wider_one() -> None:
+    a = random_raster(4, (40, 40), (-20, -20))
+    cold, hot = (
+        covariance(field_of(a, a, replace(CONFIG, temperature=t)), np.zeros(3), np.zeros(2))
+        for t in (1.0, 500.0)
+    )
+    assert np.all(np.diag(hot) > np.diag(cold))
+
+
+def test_the_prior_counts_in_the_axes_of_b() -> None:
+    """b is turned a quarter: a metre along a's x is a metre along b's −y, where the prior is sure."""
+    prior = Prior(np.array([1.0, 2.0, np.pi / 2]), np.diag([4.0, 0.25, 0.01]))
+    T = np.array([[2.0, 2.0, np.pi / 2], [1.0, 3.0, np.pi / 2], [1.0, 2.0, np.pi / 2 + 0.2 - 2.0 * np.pi]])
+    np.testing.assert_allclose(prior.distance(T), [4.0, 0.25, 4.0])
+    a = random_raster(5, (20, 20), (0, 0))
+    lost = field_of(a, a).scores(T) - field_of(a, a, prior=prior).scores(T)
+    np.testing.assert_allclose(lost, 0.5 * CONFIG.prior_weight * prior.distance(T), atol=1e-9)
