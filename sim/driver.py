@@ -27,7 +27,7 @@ class DriverConfig:
     turn_rate: float = 0.6
     lookahead: float = 0.45
     turn_in_place: float = np.deg2rad(50.0)
-    caution: float = 15.0
+    caution: float = 10.0
     pause_every: float = 11.0
     pause_mean: float = 4.0
     stuck_time: float = 3.0

@@ -41,14 +41,14 @@ class InertialConfig:
 
 @dataclass(frozen=True)
 class ShockConfig:
-    """What upsets the INS: an impulse of ``impulse`` N s, or a drop faster than ``drop_speed`` m/s.
+    """What upsets the INS: a blow or a landing of ``impulse`` N s or more.
 
-    Yaw and roll then jump by a normal draw of standard deviation ``jump`` rad, at most once in ``rest`` s.
+    Yaw and roll then jump by about ``jump`` rad (four to six fifths of it), either way, at most once in
+    ``rest`` s.
     """
 
     impulse: float = 14.0
-    drop_speed: float = 0.45
-    jump: float = np.deg2rad(8.0)
+    jump: float = np.deg2rad(11.0)
     rest: float = 5.0
 
 
@@ -82,21 +82,17 @@ def dead_reckon(
     return np.column_stack([position, truth[:, 2] + error])
 
 
-def shocks(
-    time: ArrayLike, impulse: ArrayLike, height: ArrayLike, config: ShockConfig, rng: np.random.Generator
-) -> Array:
+def shocks(time: ArrayLike, impulse: ArrayLike, config: ShockConfig, rng: np.random.Generator) -> Array:
     """Jumps ``(M, 2)`` rad of yaw and roll at each reading, zero where nothing happened.
 
-    ``impulse (M,)`` N s is the largest since the reading before, ``height (M,)`` m the robot's at the
-    reading.
+    ``impulse (M,)`` N s is the largest since the reading before.
     """
-    time, impulse, height = (np.asarray(a, dtype=np.float64) for a in (time, impulse, height))
-    falling = np.concatenate([[0.0], -np.diff(height) / np.diff(time)])
+    time, impulse = np.asarray(time, dtype=np.float64), np.asarray(impulse, dtype=np.float64)
     jumps = np.zeros((len(time), 2))
     last = -np.inf
-    for k in np.flatnonzero((impulse >= config.impulse) | (falling >= config.drop_speed)):
+    for k in np.flatnonzero(impulse >= config.impulse):
         if time[k] - last >= config.rest:
-            jumps[k] = config.jump * rng.standard_normal(2)
+            jumps[k] = config.jump * rng.uniform(0.8, 1.2, 2) * rng.choice([-1.0, 1.0], 2)
             last = time[k]
     return jumps
 

@@ -59,7 +59,7 @@ class Buildable(Protocol):
 @dataclass(frozen=True)
 class Drive:
     """What happened, at every INS reading: ``time (M,)`` s, ``states (M, 6)`` (x, y, yaw not wrapped, roll,
-    pitch, height), the largest collision ``impulse (M,)`` N s since the reading before, the rows of the
+    pitch, height), the largest ``impulse (M,)`` N s since the reading before, the rows of the
     readings at which
     a scan was taken, and why it ended.
     """
@@ -136,7 +136,7 @@ def observe(
     shocking, drifting, tilting = reckoning.spawn(3)
     rows = driven.scan_rows
     seen = driven.states[rows]
-    jumps = inertial.shocks(driven.time, driven.impulse, driven.states[:, 5], setup.shock, shocking)
+    jumps = inertial.shocks(driven.time, driven.impulse, setup.shock, shocking)
     ins = inertial.dead_reckon(driven.states[:, :3], driven.time, jumps[:, 0], setup.inertial, drifting)
     tilt = driven.states[:, 3:5]
     reported = inertial.attitude(tilt, jumps[:, 1], setup.inertial, tilting)

@@ -30,7 +30,7 @@ class RobotConfig:
     mass: float = 24.0
     friction: float = 0.8
     lateral_friction: float = 0.6
-    grip: float = 0.05
+    grip: float = 0.02
     skid_ratio: float = 1.5
     tilt_rate: float = 12.0
     tilt_damping: float = 0.4
@@ -74,6 +74,7 @@ class Robot:
         self._space.add(self._body, shape)
         self._space.on_collision(1, None, post_solve=self._feel)
         self.impulse = 0.0
+        self._falling = 0.0
         self.height, forward, left = self._plane()
         self._roll = Tilt(config.tilt_rate, config.tilt_damping, float(np.arctan(left)))
         self._pitch = Tilt(config.tilt_rate, config.tilt_damping, -float(np.arctan(forward)))
@@ -97,19 +98,30 @@ class Robot:
     def step(self, left: float, right: float, dt: float, rng: np.random.Generator) -> None:
         """Advance by ``dt`` s with these track speeds [m/s].
 
-        Afterwards ``impulse`` is the largest collision impulse [N s] of the step and ``height`` the ground's.
+        Afterwards ``impulse`` is the largest [N s] of the step, of a collision or a landing, and ``height`` the
+        robot's: the ground's mean under its footprint, or above it while it falls.
         """
         height, forward, sideways = self._plane()
         self._push(left, right, forward, sideways)
         self.impulse = 0.0
         self._space.step(dt)
-        self.height = height
+        self._fall(height, dt)
         shake_roll, shake_pitch = rng.standard_normal(2) * self.roughness * self._moving()
         self._roll.step(float(np.arctan(sideways)), shake_roll, dt)
         self._pitch.step(-float(np.arctan(forward)), shake_pitch, dt)
 
     def _plane(self) -> tuple[float, float, float]:
         return footprint_plane(*self.pose, self.config.length, self.config.width, self._ground)
+
+    def _fall(self, ground: float, dt: float) -> None:
+        """Follow the ground upwards at once, downwards no faster than gravity has it."""
+        self._falling += GRAVITY * dt
+        if self.height - self._falling * dt > ground:
+            self.height -= self._falling * dt
+            return
+        if self.height > ground:
+            self.impulse = max(self.impulse, self.config.mass * self._falling)
+        self.height, self._falling = ground, 0.0
 
     def _moving(self, full_speed: float = 0.3) -> float:
         """Share of the rubble's excitation at the present speed: none at rest."""

@@ -31,8 +31,8 @@ CLEARANCE = 0.42
 """Furniture keeps this far from the route [m]."""
 SILL_HEIGHT, SILL_DEPTH = (0.02, 0.07), 0.25
 RUBBLE_HEIGHT, RUBBLE_RADIUS, RUBBLE_ROUGHNESS, HEAPS = (0.01, 0.03), (0.5, 1.0), np.deg2rad(2.0), 8
-LEDGE = 0.15
-"""What the robot falls from, half way: the shock upsets the INS [m]."""
+LEDGE = 0.3
+"""What the robot falls from in the first room: the shock upsets the INS [m]."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
     first_north, last_north = rng.choice([0, 1, 2]), rng.choice([3, 4, 5])
     inner = rooms.middle[rng.choice([0, 4])]
     legs: list[list[Array]] = [[np.array([west, a])]]
-    legs.append(_visit(rooms.south[first_south], a, rng))
+    legs.append(_visit(rooms.south[first_south], a, rng, apart=1.3))
     legs.append(_pass(through, a, b))
     legs.append(_visit(rooms.north[first_north], b, rng))
     legs.append([np.array([west, b]), np.array([west, a])])
@@ -115,13 +115,13 @@ def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
     return waypoints + rng.uniform(-0.08, 0.08, waypoints.shape)
 
 
-def _visit(room: Room, corridor: float, rng: np.random.Generator) -> list[Array]:
+def _visit(room: Room, corridor: float, rng: np.random.Generator, apart: float = 0.8) -> list[Array]:
     """In by the door, to two spots of the room, and out again."""
     wall_y = min(room.doors, key=lambda y: abs(y - corridor))
     door = room.doors[wall_y]
     inwards = np.sign(wall_y - corridor)
     spots = [
-        room.centre + np.array([side * rng.uniform(0.5, 1.1), inwards * rng.uniform(-0.4, 1.0)])
+        room.centre + np.array([side * rng.uniform(0.7, 1.3) * apart, inwards * rng.uniform(-0.4, 1.0)])
         for side in rng.permutation([-1.0, 1.0])
     ]
     outside, step = np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards])
@@ -187,5 +187,5 @@ def _hazards(rooms: Rooms, route: Array, rng: np.random.Generator) -> Terrain:
     for at in rng.choice(len(path), HEAPS, replace=False):
         height, radius = rng.uniform(*RUBBLE_HEIGHT), rng.uniform(*RUBBLE_RADIUS)
         terrain = terrain.with_rubble(path[at], radius, height, RUBBLE_ROUGHNESS, rng)
-    x, y = LENGTH - 0.5 * CROSS, 0.5 * sum(MIDDLE) + rng.uniform(-1.5, 1.5)
-    return terrain.with_ramp([x, y - 1.5], [x, y], CROSS, LEDGE)
+    first, second = route[3], route[4]
+    return terrain.with_ramp(first + 0.1 * (second - first), first + 0.6 * (second - first), 1.0, LEDGE)

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenarios.estimate import Estimate
 from scenarios.evaluation.maps import RESOLUTION, cells_found, map_at, occupied_cells, true_map
 from scenarios.evaluation.trajectory import aligned
-from scenarios.report.style import BLACK, BLUE, FONT, GREY, ORANGE, SKY, VERMILLION, WIDTH, panels
+from scenarios.report.style import (
+    BLACK,
+    BLUE,
+    FONT,
+    GREY,
+    LEFT,
+    ORANGE,
+    RIGHT,
+    SKY,
+    VERMILLION,
+    WIDTH,
+    grid,
+    panels,
+)
 from slam.occupancy import Grid
 from slam.recording import Recording
 from slam.se2 import Array
@@ -67,7 +80,7 @@ def trajectories(recording: Recording, estimates: Sequence[Estimate], titles: Ma
 
 
 CONFIDENCE = (
-    ("trace2", "trace of position\ncovariance [m²]", "log"),
+    ("trace2", "trace [m²]", "log"),
     ("det2", "determinant [m⁴]", "log"),
     ("matches", "matches", "linear"),
 )
@@ -79,23 +92,21 @@ def confidence(estimate: Estimate) -> Figure:
     Steps without a single match are red dots on the x axis, cuts between segments vertical lines (Formsma's
     figure 5.3). Raises ``ValueError`` when the estimate has no track.
     """
-    from matplotlib.figure import Figure
-
     if estimate.track is None:
         raise ValueError(f"{estimate.method} has no track to draw the confidence of")
     track = estimate.track
     tried = ~np.isnan(track.confidence["trace2"])
     lost = np.flatnonzero(tried & (track.matches == 0))
-    figure = Figure(figsize=(WIDTH, 6.5), layout="constrained")
-    axes = figure.subplots(len(CONFIDENCE), 1, sharex=True)
+    figure, axes = grid(len(CONFIDENCE), 1, WIDTH - LEFT - RIGHT, 1.75, 0.0, 0.15)
     for ax, (name, label, scale) in zip(axes, CONFIDENCE, strict=True):
         values = track.matches.astype(float) if name == "matches" else track.confidence[name]
         _confidence_panel(ax, np.flatnonzero(tried), values[tried], lost, scale)
         ax.set_ylabel(label, fontsize=FONT["label"])
         for before, after in itertools.pairwise(estimate.submaps):
             ax.axvspan(before.stop - 0.5, after.start - 0.5, color=SKY, alpha=0.5, linewidth=1.5, zorder=0)
+        ax.set_xlim(-0.5, len(track) - 0.5)
+        ax.tick_params(labelbottom=ax is axes[-1])
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
-    axes[-1].set_xlim(-0.5, len(track) - 0.5)
     axes[0].set_title(
         f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, "
         f"{max(len(estimate.submaps) - 1, 0)} cuts",
@@ -113,16 +124,18 @@ def single_map(recording: Recording, estimate: Estimate) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    grid = _grid(recording, estimate.poses)
-    height, width = grid.occupied.shape
+    drawn = _grid(recording, estimate.poses)
+    height, width = drawn.occupied.shape
     inches = min(max(width, height) / 100.0, 24.0)
     scale = max(inches, 6.0) / max(width, height)
     figure = Figure(
         figsize=(max(width * scale, 2.5) + 1.0, max(height * scale, 2.5) + 1.0), layout="constrained"
     )
     ax = figure.add_subplot()
-    shade = np.where(grid.occupied, 0.0, np.where(grid.free, 1.0, 0.85))
-    ax.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=grid.extent, interpolation="nearest")
+    shade = np.where(drawn.occupied, 0.0, np.where(drawn.free, 1.0, 0.85))
+    ax.imshow(
+        shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=drawn.extent, interpolation="nearest"
+    )
     ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.set_title(estimate.method, fontsize=FONT["title"], parse_math=False)
     return figure
@@ -163,9 +176,7 @@ def _box(points: Array) -> tuple[Array, Array]:
 
 def _marker_size(ax: Axes, view: View) -> float:
     """Side of a cell on paper [pt], and at least what can be seen."""
-    figure: Any = ax.figure
-    columns = ax.get_subplotspec().get_gridspec().ncols  # type: ignore[union-attr]
-    points = 72.0 * figure.get_figwidth() / columns * 0.9
+    points = 72.0 * ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
     return max(1.4 * points * RESOLUTION / (view[1] - view[0]), 0.8)
 
 
@@ -219,7 +230,6 @@ def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarr
         zorder=5,
     )
     ax.grid(axis="y", color=GREY, linewidth=0.4, alpha=0.6)
-    ax.tick_params(labelsize=FONT["tick"])
 
 
 def _legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
@@ -229,4 +239,4 @@ def _legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
         Line2D([], [], color=colour, marker="s", linestyle="none", markersize=7, label=label)
         for label, colour in entries
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
+    figure.legend(handles=handles, loc="lower center", ncols=len(handles), fontsize=9, frameon=False)

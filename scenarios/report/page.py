@@ -67,7 +67,7 @@ def titles(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> dict[str
     scores = {m.method: m.value for m in metrics if judged and m.name == judged[0] and m.value is not None}
     short = {"ate_rmse": "ATE", "relation_trans_mean": "relations"}
     return {
-        e.method: f"{e.method}   {short[judged[0]]} {scores[e.method]:.3f} m"
+        e.method: f"{e.method}\n{short[judged[0]]} {scores[e.method]:.3f} m"
         if judged and e.method in scores
         else e.method
         for e in estimates

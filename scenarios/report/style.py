@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Okabe & Ito 2008
-BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#B0B0B0"
+BLACK, ORANGE, SKY = "#000000", "#E69F00", "#56B4E9"
+BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "#B0B0B0"
 
 WIDTH = 11.0
 """Width of a figure [inch]: 1100 pixels at 100 dpi."""
@@ -20,25 +20,50 @@ DPI = 150
 FONT = {"title": 10, "label": 9, "tick": 8}
 
 
+LEFT, RIGHT, BOTTOM, TOP = 0.65, 0.1, 0.75, 0.45
+"""Room around the panels [inch]; the legend is at the bottom."""
+BETWEEN_COLUMNS, BETWEEN_ROWS = 0.45, 0.7
+
+
 def panels(count: int, aspect: float) -> tuple[Figure, list[Axes]]:
     """A figure of ``count`` panels whose height is ``aspect`` times their width, and their axes."""
-    from matplotlib.figure import Figure
-
     rows = max(1, round(math.sqrt(count / (1.4 * aspect))))
     columns = math.ceil(count / rows)
-    width = WIDTH if columns > 1 else min(WIDTH, 8.0 / aspect + 1.0)
-    height = (
-        rows * ((width / columns - 0.45) * aspect + 0.55) + 0.4
-    )  # beside the panels: labels, titles, legend
-    figure = Figure(figsize=(width, height), layout="constrained")
-    axes = [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
+    room = WIDTH - LEFT - RIGHT - (columns - 1) * BETWEEN_COLUMNS
+    width = min(room / columns, 8.0 / aspect)
+    figure, axes = grid(count, columns, width, width * aspect, BETWEEN_COLUMNS, BETWEEN_ROWS)
     for i, ax in enumerate(axes):
         ax.set_aspect("equal")
-        ax.tick_params(labelsize=FONT["tick"])
         if i + columns >= count:
             ax.set_xlabel("x [m]", fontsize=FONT["label"])
         if i % columns == 0:
             ax.set_ylabel("y [m]", fontsize=FONT["label"])
+    return figure, axes
+
+
+def grid(
+    count: int, columns: int, width: float, height: float, across: float, down: float
+) -> tuple[Figure, list[Axes]]:
+    """A figure of ``count`` panels of ``width`` x ``height``, ``across`` and ``down`` apart [inch]."""
+    from matplotlib.figure import Figure
+
+    rows = math.ceil(count / columns)
+    total = columns * width + (columns - 1) * across + LEFT + RIGHT
+    tall = rows * height + (rows - 1) * down + BOTTOM + TOP
+    figure = Figure(figsize=(total, tall))
+    places = figure.add_gridspec(
+        rows,
+        columns,
+        left=LEFT / total,
+        right=1.0 - RIGHT / total,
+        bottom=BOTTOM / tall,
+        top=1.0 - TOP / tall,
+        wspace=across / width,
+        hspace=down / height,
+    )
+    axes = [figure.add_subplot(places[i // columns, i % columns]) for i in range(count)]
+    for ax in axes:
+        ax.tick_params(labelsize=FONT["tick"])
     return figure, axes
 
 

@@ -238,7 +238,7 @@ def test_map_figure_tells_found_wrong_and_missed_walls_apart(recording, estimate
 
 def test_titles_carry_the_score(recording, estimates):
     metrics = [*measured("ins", {"ate_rmse": 0.25}), *missing("slamstitch", ("ate_rmse",), "why")]
-    assert titles(estimates, metrics) == {"ins": "ins   ATE 0.250 m", "slamstitch": "slamstitch"}
+    assert titles(estimates, metrics) == {"ins": "ins\nATE 0.250 m", "slamstitch": "slamstitch"}
 
 
 def test_titles_are_not_mathematics(recording, estimates):

@@ -13,7 +13,6 @@ from sim.laser import Raycaster, Scanner
 from sim.terrain import Terrain
 from sim.world import Obstacles, World, plates, solids
 
-
 ANGLES = np.linspace(-2.0944, 2.0944, 61)
 REACH = 100.0
 

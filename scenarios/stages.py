@@ -1,0 +1,60 @@
+"""The stages of a run: announced on stderr, timed, their peak memory read from the kernel."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+PROCESS = Path("/proc/self")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Wall time [s] and peak resident memory [MB] of a stage; None where the system does not tell."""
+
+    wall_s: float
+    peak_mb: float | None
+
+
+@dataclass
+class Stages:
+    """What has been done so far, by name."""
+
+    console: Console
+    costs: dict[str, Cost] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Announce a stage, and note its cost when it ends well."""
+        _forget_peak()
+        started = time.perf_counter()
+        with self.console.status(f"{name} …"):
+            yield
+        self.costs[name] = Cost(time.perf_counter() - started, _peak_mb())
+        self.console.print(f"{name:<12} {self.costs[name].wall_s:6.1f} s", style="dim", highlight=False)
+
+
+def _forget_peak() -> None:
+    """Let Linux count the peak of resident memory anew; where that is not possible the peak is the process's."""
+    reset = PROCESS / "clear_refs"
+    if reset.exists():
+        try:
+            reset.write_text("5")
+        except OSError:
+            return
+
+
+def _peak_mb() -> float | None:
+    status = PROCESS / "status"
+    if not status.exists():
+        return None
+    found = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
+    return int(found[1]) / 1024.0 if found else None
