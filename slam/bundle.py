@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -38,15 +39,59 @@ def adjust(scans: Sequence[Scan], backbone: PoseGraph, usable: np.ndarray, confi
     ``scans`` are the K keyframes in the robot's frame; ``usable (K,)`` bool marks those that may be matched.
     ``backbone`` holds what is not matched here (dead reckoning), at the poses to start from.
     """
-    references = [Reference(scan) for scan in scans]
+    cloud = _Cloud.of(scans)
     pairs = neighbours(backbone.poses, usable, config)
     graph = backbone
     for radius in config.radii:
-        linear = [_linearise(references, graph.poses, i, j, radius, config) for i, j in pairs]
-        known = [(pair, *found) for pair, found in zip(pairs, linear, strict=True) if found is not None]
-        graph = _with_pairs(replace(backbone, poses=graph.poses), known)
-        graph = replace(graph, poses=optimise(graph, "none").poses)
+        graph = _with_pairs(replace(backbone, poses=graph.poses), *cloud.linearised(graph.poses, pairs, radius, config))
+        graph = replace(graph, poses=optimise(graph, "none", relinearisations=1).poses)
     return graph
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """All keyframes packed for the kernel: their points, and their lattice indices cut at ``first_offsets``."""
+
+    arrays: tuple[Array, ...]
+    offsets: np.ndarray
+    lattice: tuple[Any, ...]
+    first_offsets: np.ndarray
+
+    @classmethod
+    def of(cls, scans: Sequence[Scan]) -> _Cloud:
+        references = [Reference(scan) for scan in scans]
+        indices = [r.index if len(r.scan) else EMPTY_INDEX for r in references]
+        low, cell, columns, rows, first, order = zip(*indices, strict=True)
+        lattice = (
+            np.array(low), np.array(cell), np.array(columns), np.array(rows),
+            np.concatenate(first), np.concatenate(order),
+        )  # fmt: skip
+        arrays = tuple(np.concatenate(parts) for parts in zip(*(r.arrays for r in references), strict=True))
+        return cls(arrays, _bounds([len(scan) for scan in scans]), lattice, _bounds([len(f) for f in first]))
+
+    def linearised(
+        self, poses: Array, pairs: np.ndarray, radius: float, config: BundleConfig
+    ) -> tuple[np.ndarray, Array, Array]:
+        """Pairs that see each other, their relative poses ``T_ij`` one step on, and the information in the body of
+        j."""
+        from slam.matching.kernels import linearise_pairs
+
+        guesses = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])
+        T_ij, information, used = linearise_pairs(
+            self.arrays, self.offsets, self.lattice, self.first_offsets,
+            pairs, guesses, radius, config.robust, config.fade, config.length,
+        )  # fmt: skip
+        known = used >= config.least_pairs
+        in_body = se2.to_body_covariance(T_ij[known], information[known]) / SHARED_ERROR
+        return pairs[known], T_ij[known], in_body
+
+
+EMPTY_INDEX = (np.zeros(2), 1.0, 1, 1, np.zeros(2, dtype=np.int64), np.zeros(0, dtype=np.int64))
+"""Lattice index of a scan without points."""
+
+
+def _bounds(lengths: list[int]) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
 
 
 def neighbours(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarray:
@@ -70,34 +115,11 @@ def _spread(run: np.ndarray, apart: Array, most: int) -> np.ndarray:
     return np.unique(even)
 
 
-def _linearise(
-    references: list[Reference], poses: Array, i: int, j: int, radius: float, config: BundleConfig
-) -> tuple[Array, Array] | None:
-    """Relative pose ``T_ij`` one Gauss–Newton step on, and its information in the body of j; None without pairs."""
-    from slam.matching import kernels
-
-    first, second = references[i], references[j]
-    guess = se2.between(poses[i], poses[j])
-    matched = kernels.correspondences(
-        first.arrays[0], first.index, second.arrays[0], second.index, guess, radius, False
-    )
-    information, gradient, used, _, total = kernels.normal_equations(
-        kernels.PLICP, first.arrays, second.arrays, matched, guess, 1.0, config.robust
-    )
-    if used < config.least_pairs:
-        return None
-    information, gradient = kernels.fade_weak(information, gradient, total, config.length, config.fade)
-    step = kernels.solve_good_directions(information, gradient, config.length, 1e-3)
-    T_ij = guess + step
-    return T_ij, se2.to_body_covariance(T_ij, information) / SHARED_ERROR
-
-
-def _with_pairs(backbone: PoseGraph, known: list[tuple[np.ndarray, Array, Array]]) -> PoseGraph:
-    pairs = np.array([pair for pair, _, _ in known], dtype=np.int64).reshape(-1, 2)
+def _with_pairs(backbone: PoseGraph, pairs: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
     return replace(
         backbone,
         edges=np.concatenate([backbone.edges, pairs]),
-        T_ij=np.concatenate([backbone.T_ij, np.reshape([T for _, T, _ in known], (-1, 3))]),
-        information=np.concatenate([backbone.information, np.reshape([L for *_, L in known], (-1, 3, 3))]),
+        T_ij=np.concatenate([backbone.T_ij, T_ij]),
+        information=np.concatenate([backbone.information, information]),
         loop=np.zeros(len(backbone.edges) + len(pairs), dtype=bool),
     )

@@ -71,6 +71,7 @@ class _State:
     information: Array
     matches: np.ndarray
     keyframes: list[int]
+    local: list[Scan]
     last: int = 0
 
 
@@ -79,7 +80,7 @@ def track(recording: Recording, config: FrontendConfig = FrontendConfig()) -> Tr
     scans = scans_of(recording)
     tilted = tilted_scans(recording, config.tilt_limit)
     state = _start(recording)
-    local = _reference(state, scans, config)
+    local = _extended(state, scans[0], 0, config)
     for k in range(1, len(recording)):
         seed = _seed(recording, state, k, config)
         if not _moved(recording, state.last, k, config):
@@ -92,8 +93,7 @@ def track(recording: Recording, config: FrontendConfig = FrontendConfig()) -> Tr
         )
         _accept(recording, state, k, seed, result, config)
         if _extends(state, k, config) and (config.reference == "scan" or not tilted[k]):
-            state.keyframes.append(k)
-            local = _reference(state, scans, config)
+            local = _extended(state, scans[k], k, config)
     return _finish(state)
 
 
@@ -123,7 +123,8 @@ def _start(recording: Recording) -> _State:
         matched_covariance=np.full((n, 3, 3), np.nan),
         information=np.zeros((n, 3, 3)),
         matches=np.zeros(n, dtype=np.int64),
-        keyframes=[0],
+        keyframes=[],
+        local=[],
     )
 
 
@@ -138,12 +139,14 @@ def _moved(recording: Recording, j: int, k: int, config: FrontendConfig) -> bool
     return bool(np.any(step >= [config.skip_distance, config.skip_distance, config.skip_angle]))
 
 
-def _reference(state: _State, scans: list[Scan], config: FrontendConfig) -> Reference:
-    """The keyframes to match against: one scan in its own frame, or several in the map frame."""
+def _extended(state: _State, scan: Scan, k: int, config: FrontendConfig) -> Reference:
+    """Scan k becomes a keyframe; what to match against from now on: it alone in its own frame, or the last
+    keyframes in the map frame."""
+    state.keyframes.append(k)
     if config.reference == "scan":
-        return Reference(scans[state.keyframes[-1]])
-    recent = state.keyframes[-config.map_scans :]
-    return Reference(Scan.merged([scans[i].transformed(state.poses[i]) for i in recent]))
+        return Reference(scan)
+    state.local = [*state.local, scan.transformed(state.poses[k])][-config.map_scans :]
+    return Reference(Scan.merged(state.local))
 
 
 def _match(

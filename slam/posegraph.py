@@ -18,7 +18,7 @@ ANCHOR_SIGMAS = (1e-3, 1e-3, 1e-4)
 RELINEARISATIONS = 5
 """Most rounds in which an INS's world-frame steps are linearised anew; three usually do."""
 
-SETTLED = 1e-4
+SETTLED = 1e-3
 """Largest change of a pose (m, rad) at which such rounds end."""
 
 INLIER_PROBABILITY = 0.99
@@ -83,16 +83,19 @@ class Solution:
     marginals: Array | None = None
 
 
-def optimise(graph: PoseGraph, loss: Loss = "gnc", marginals: bool = False) -> Solution:
+def optimise(
+    graph: PoseGraph, loss: Loss = "gnc", marginals: bool = False, relinearisations: int = RELINEARISATIONS
+) -> Solution:
     """Most likely poses of the graph, robust against false loops.
 
     ``gnc``: graduated non-convexity with truncated least squares (Yang et al. 2020) over the loops, all other
     edges known inliers; ``dcs``: dynamic covariance scaling (Agarwal et al. 2013); ``none``: plain least squares.
+    An INS's steps are linearised anew up to ``relinearisations`` times.
     Raises ``ValueError`` when an edge's information is not positive semi-definite, which gtsam would accept.
     """
     _check_information(graph)
     poses, weights = graph.poses, np.ones(int(graph.loop.sum()))
-    for _ in range(RELINEARISATIONS):
+    for _ in range(relinearisations):
         before = poses
         poses, weights = _solve(replace(graph, poses=before), loss)
         change = se2.between(before, poses)

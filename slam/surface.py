@@ -124,3 +124,22 @@ def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sig
         covariance[i, 0, 1] = covariance[i, 1, 0] = xy
         covariance[i, 1, 1] = yy
     return covariance
+
+
+@njit(cache=True)
+def read_surfaces(ranges, angles, spacing_angle, radius, sigma_range, sigma_angle):
+    """Tangent directions and their deviations ``(N, B)`` rad and point covariances ``(N, B, 2, 2)`` m² of N scans."""
+    shape = ranges.shape
+    direction, deviation = np.empty(shape), np.empty(shape)
+    covariance = np.empty((shape[0], shape[1], 2, 2))
+    points = np.empty((shape[1], 2))
+    for k in range(shape[0]):
+        for i in range(shape[1]):
+            points[i, 0] = ranges[k, i] * np.cos(angles[i])
+            points[i, 1] = ranges[k, i] * np.sin(angles[i])
+        spacing = ranges[k] * spacing_angle
+        direction[k], deviation[k] = tangents_of_beams(points, spacing, radius, sigma_range)
+        covariance[k] = point_covariances(
+            ranges[k], angles, direction[k], spacing_angle, sigma_range, sigma_angle
+        )
+    return direction, deviation, covariance

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slam import se2
+from slam.matching import MatchConfig
 from slam.se2 import Array
 from slam.submap import Submap
 from stitch import hough
@@ -21,6 +22,9 @@ DISTINCT = (0.5, np.radians(5.0))
 SHIFTS_PER_ROTATION = 3
 RIVAL = 0.5
 """Share of the best score below which a candidate of the search cannot become its rival by climbing."""
+REFINE_POINTS = 1000
+"""About how many of b's points the scan matcher is given: more cost time and tell it nothing new."""
+REFINEMENT = MatchConfig(radii=(0.3, 0.2), mutual=False, least_pairs=30)
 PRIOR_MARGIN = (0.5, np.radians(2.0))
 """Added to the search around a prior (m, rad): its covariance says nothing about the grid's cells."""
 
@@ -163,7 +167,8 @@ def _located(
         return best.T_a_b, sigma
     from slam.matching import NoMatch, match
 
-    answer = match(a.points, b.points, best.T_a_b)
+    some = b.points.selected(slice(None, None, 1 + len(b.points) // REFINE_POINTS))
+    answer = match(a.points, some, best.T_a_b, "plicp", config=REFINEMENT)
     if isinstance(answer, NoMatch):
         return NoStitch(f"the scan matcher found nothing: {answer.reason}", best)
     T_a_b = answer.T_reference_scan

@@ -15,7 +15,7 @@ import numpy as np
 
 from scenarios.catalogue.furnishing import Area, furnish
 from sim.driver import resample
-from sim.floorplan import Door, Prism, wall
+from sim.floorplan import Door, Prism, box, wall
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World
@@ -29,6 +29,8 @@ CROSS = 2.0
 CEILING = 2.5
 CLEARANCE = 0.42
 """Furniture keeps this far from the route [m]."""
+SHARE_CLOSED = 0.8
+"""Of the doors that the route does not use."""
 SILL_HEIGHT, SILL_DEPTH = (0.02, 0.07), 0.25
 RUBBLE_HEIGHT, RUBBLE_RADIUS, RUBBLE_ROUGHNESS, HEAPS = (0.01, 0.03), (0.5, 1.0), np.deg2rad(2.0), 8
 LEDGE = 0.3
@@ -68,7 +70,7 @@ def build(rng: np.random.Generator) -> Setup:
     """One hospital: doors, furniture, hazards and the exact route drawn from ``rng``."""
     rooms = draw_rooms(rng)
     route = draw_route(rooms, rng)
-    prisms = [*_walls(rooms), *_furniture(rooms, route, rng)]
+    prisms = [*_walls(rooms), *_closed_doors(rooms, route, rng), *_furniture(rooms, route, rng)]
     terrain = _hazards(rooms, route, rng)
     start = (float(route[0, 0]), float(route[0, 1]), 0.0)
     return Setup(World(tuple(prisms), terrain, CEILING), start, route)
@@ -163,6 +165,18 @@ def _walls(rooms: Rooms) -> list[Prism]:
     return prisms
 
 
+def _closed_doors(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Prism]:
+    """Leaves of most doors that the route does not use."""
+    path = resample(route)
+    leaves = []
+    for room in rooms.all:
+        for y, x in room.doors.items():
+            used = np.hypot(path[:, 0] - x, path[:, 1] - y).min() < 0.5
+            if not used and rng.random() < SHARE_CLOSED:
+                leaves.append(box([x, y, 0.0], 1.0, 0.04, kind="wall"))
+    return leaves
+
+
 def _furniture(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Prism]:
     """Beds, desks, cupboards and crates in the rooms, crates and trolleys in the corridors."""
     doors = [[x, y] for room in rooms.all for y, x in room.doors.items()]
@@ -172,7 +186,7 @@ def _furniture(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Pri
         kinds = rng.permutation(["bed", "bed", "desk", "cupboard", "crate"])[: rng.integers(3, 6)]
         placed += furnish(Area(room.x0, room.y[0], room.x1, room.y[1]), kinds, keep_clear, CLEARANCE, rng)
     for y in (CORRIDOR_A, CORRIDOR_B):
-        kinds = rng.choice(["crate", "trolley"], 6)
+        kinds = rng.choice(["crate", "trolley"], 4, p=[0.75, 0.25])
         placed += furnish(Area(CROSS, y[0], LENGTH - CROSS, y[1]), kinds, keep_clear, CLEARANCE, rng)
     return placed
 

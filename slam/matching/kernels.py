@@ -14,7 +14,7 @@ from slam.matching.neighbours import nearest
 WSM, ICP, PLICP = 0, 1, 2
 """Pair weight: inverse of both points' covariances (Pfister 2002), constant, along the reference's normal."""
 
-STILL, SETTLED = 1e-5, 5e-3
+STILL, SETTLED = 1e-4, 5e-3
 """Largest step [m, rad] at which iterating stops, and at which a pose that still flickers between two sets of
 pairs counts as converged."""
 
@@ -209,3 +209,39 @@ def iterate(method, reference, reference_index, scan, scan_index, guess, prior, 
             if moved < STILL:
                 break
     return pose, information, pairs, used, cost, iterations, converged
+
+
+@njit(cache=True)
+def linearise_pairs(cloud, offsets, lattice, first_offsets, pairs, guesses, radius, robust, fade, length):
+    """One Gauss–Newton step, point to line, for each of many pairs of scans packed into one cloud.
+
+    ``cloud`` is (points, normals, covariance, tangent_sigma) of all scans, scan k in rows ``offsets[k]:offsets[k+1]``;
+    ``lattice`` is (low, cell, columns, rows, first, order) of their indices, ``first`` cut at ``first_offsets``.
+    ``pairs (P, 2)`` reference and scan, ``guesses (P, 3)``. Returns the relative poses after the step ``(P, 3)``, the
+    information in the reference's frame ``(P, 3, 3)`` with weak directions faded, and the pairs of points ``(P,)``.
+    """
+    points, normals, covariance, tangent_sigma = cloud
+    low, cell, columns, rows, first, order = lattice
+    stepped, informations = guesses.copy(), np.zeros((len(pairs), 3, 3))
+    counts = np.zeros(len(pairs), np.int64)
+    for p in range(len(pairs)):
+        i, j = pairs[p]
+        a, b, c, d = offsets[i], offsets[i + 1], offsets[j], offsets[j + 1]
+        if a == b or c == d:
+            continue
+        reference = (points[a:b], normals[a:b], covariance[a:b], tangent_sigma[a:b])
+        scan = (points[c:d], normals[c:d], covariance[c:d], tangent_sigma[c:d])
+        index = (
+            low[i], cell[i], columns[i], rows[i], first[first_offsets[i] : first_offsets[i + 1]], order[a:b],
+        )  # fmt: skip
+        matched = correspondences(reference[0], index, scan[0], index, guesses[p], radius, False)
+        information, gradient, used, _, total = normal_equations(
+            PLICP, reference, scan, matched, guesses[p], 1.0, robust
+        )
+        counts[p] = used
+        if used == 0:
+            continue
+        information, gradient = fade_weak(information, gradient, total, length, fade)
+        stepped[p] += solve_good_directions(information, gradient, length, 1e-3)
+        informations[p] = information
+    return stepped, informations, counts

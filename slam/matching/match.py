@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, get_args
 
@@ -72,7 +72,7 @@ class Reference:
     """Points to match against, with the index that finds them; build once, match many scans."""
 
     scan: Scan
-    cell: float = field(default=0.2)
+    cell: float = 0.1
 
     @cached_property
     def index(self) -> Any:
