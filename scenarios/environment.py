@@ -1,22 +1,18 @@
-"""What a result was made with: versions, code, processor, and the cost of each stage."""
+"""What a result was made with: versions, code and processor."""
 
 from __future__ import annotations
 
 import os
 import platform
 import subprocess
-from collections.abc import Mapping
-from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-
-from scenarios.stages import Cost
 
 PACKAGES = ("numpy", "scipy", "numba", "pymunk", "opencv-python-headless", "gtsam", "matplotlib")
 
 
-def environment(costs: Mapping[str, Cost]) -> dict[str, object]:
-    """Versions, git hash, processor and the stages' costs, ready for JSON."""
+def environment() -> dict[str, object]:
+    """Versions, git hash and processor."""
     return {
         "slamstitch": _version("slamstitch"),
         "git": _git_hash(),
@@ -25,7 +21,6 @@ def environment(costs: Mapping[str, Cost]) -> dict[str, object]:
         "system": platform.platform(),
         "processor": _processor(),
         "cores": os.cpu_count(),
-        "stages": {name: asdict(cost) for name, cost in costs.items()},
     }
 
 
@@ -38,12 +33,12 @@ def _version(package: str) -> str | None:
 
 def _git_hash() -> str | None:
     """Hash of the checkout, with ``-dirty`` when files differ from it; None outside of one."""
-    here = Path(__file__).resolve().parent
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists():  # installed, perhaps into somebody else's checkout
+        return None
+    command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=12"]
     try:
-        found = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
-            cwd=here, capture_output=True, text=True, check=True, timeout=10,
-        )  # fmt: skip
+        found = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True, timeout=10)
     except (OSError, subprocess.SubprocessError):
         return None
     return found.stdout.strip() or None

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput, main, nearest
+from scenarios.cli import POSE, BadInput, Pose, main, nearest
 from scenarios.methods import METHODS
 
 if TYPE_CHECKING:
     from scenarios.estimate import Estimate
     from scenarios.evaluation import Metric
     from scenarios.methods.config import MethodConfig
+    from scenarios.run_folder import Run
+    from scenarios.source import Source
     from scenarios.stages import Stages
     from slam.recording import Recording
 
@@ -30,22 +33,22 @@ class Options:
     Prints the table of metrics and writes a folder with maps, trajectories and report.html.
     """
 
-    recording: Positional[Annotated[str, arg(metavar="NAME|LOG")]] = ""
+    recording: Positional[Annotated[str, arg(metavar="NAME|LOG", help_behavior_hint="")]] = ""
     """A scenario (see --list), or a log: USARSim, CARMEN .log or .log.gz, recording.npz."""
     list: Annotated[bool, arg(help_behavior_hint="")] = False
     """Print the scenarios and why each exists."""
-    seed: int = 0
+    seed: Annotated[int, arg(metavar="K")] = 0
     """Which of a scenario's drives to simulate."""
-    methods: str = ",".join(METHODS)
+    methods: Annotated[str, arg(metavar="A,B,…")] = ",".join(METHODS)
     """Methods to run, separated by commas."""
-    out: Path = Path("runs")
+    out: Annotated[Path, arg(metavar="DIR")] = Path("runs")
     """Folder that the run's folder is put into."""
     format: Literal["table", "json"] = "table"
     """What is printed on stdout."""
-    relations: Path | None = None
+    relations: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """File of true relative poses (Kümmerle et al. 2009) to score a log against."""
-    laser_mount: tuple[float, float, float] | None = None
-    """Laser in the robot's frame, x y yaw in m and rad, where a log does not tell."""
+    laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
+    """Laser in the robot's frame in m and rad, where a log does not tell."""
 
 
 def run(options: Options) -> None:
@@ -53,31 +56,31 @@ def run(options: Options) -> None:
     if options.list:
         print_catalogue()
         return
+    methods, name = checked(options)
+
     from rich.console import Console
 
-    from scenarios import evaluation, run_folder
+    from scenarios import run_folder
+    from scenarios.evaluation import evaluate
     from scenarios.methods.config import MethodConfig
     from scenarios.stages import Stages
 
-    methods, simulated = checked(options)
+    run_folder.check(options.out, name)
     config, stages = MethodConfig(), Stages(Console(stderr=True))
-    with run_folder.prepare(options.out, name_of(options, simulated)) as folder:
-        tell_of_compilation(stages)
-        with stages.stage("simulate" if simulated else "read"):
-            recording = obtain(options, simulated)
-        estimates = estimate(recording, methods, config, stages)
-        others = [] if simulated else published(options, recording)
-        with stages.stage("evaluate"):
-            metrics = evaluation.evaluate(recording, [*estimates, *others])
-        metrics += costs(metrics, recording, stages)
+    source = obtain(options, stages)
+    estimates = [*estimate(source.recording, methods, config, stages), *source.published]
+    with stages.stage("evaluate"):
+        metrics = evaluate(source.recording, estimates) + costs(methods, source.recording, stages)
+    result = described(options, config, source, estimates, metrics)
+    with run_folder.prepare(options.out, name) as folder:
         with stages.stage("report"):
-            run_folder.write(folder, recording, [*estimates, *others], metrics, facts(options, config, stages))
-        run_folder.publish(folder, stages.costs)
-    show(options, recording, metrics, folder.final)
+            run_folder.write(folder, result)
+        run_folder.publish(folder, {**result.environment, "stages": stages.costs})
+    show(result, options.format, folder.final)
 
 
-def checked(options: Options) -> tuple[list[str], bool]:
-    """The methods to run, and whether the recording is simulated. Raises `BadInput`."""
+def checked(options: Options) -> tuple[list[str], str]:
+    """The methods to run, and the name of the run's folder. Raises `BadInput`."""
     from scenarios.source import is_scenario
 
     if not options.recording:
@@ -90,25 +93,34 @@ def checked(options: Options) -> tuple[list[str], bool]:
             raise BadInput(f"unknown method {name!r}: {nearest(name, METHODS)}")
     if not methods:
         raise BadInput(f"--methods: expected one or more of {', '.join(METHODS)}")
-    simulated = is_scenario(options.recording)
-    if simulated and (options.relations or options.laser_mount):
-        raise BadInput("--relations and --laser-mount are for logs; a scenario knows its own truth")
-    return list(dict.fromkeys(methods)), simulated
+    if is_scenario(options.recording):
+        if options.relations or options.laser_mount:
+            raise BadInput("--relations and --laser-mount are for logs: a scenario knows its own truth")
+        name = options.recording
+    else:
+        name = Path(options.recording).name.split(".")[0]
+    return list(dict.fromkeys(methods)), f"{name}-seed{options.seed}"
 
 
-def name_of(options: Options, simulated: bool) -> str:
-    """Name of the run's folder."""
-    name = options.recording if simulated else Path(options.recording).name.split(".")[0]
-    return f"{name or 'recording'}-seed{options.seed}"
-
-
-def obtain(options: Options, simulated: bool) -> Recording:
+def obtain(options: Options, stages: Stages) -> Source:
     """The recording, simulated or read."""
     from scenarios import source
 
-    if simulated:
-        return source.simulated(options.recording, options.seed)
-    return source.logged(Path(options.recording), options.relations, options.laser_mount)
+    if options.recording in CATALOGUE:
+        tell_of_compilation(stages)
+        with stages.stage("simulate"):
+            return source.simulated(options.recording, options.seed)
+    with stages.stage("read"):
+        found = source.logged(Path(options.recording), options.relations, options.laser_mount)
+    tell_of_compilation(stages)
+    return found
+
+
+def tell_of_compilation(stages: Stages) -> None:
+    """The first run on a machine compiles the kernels; nobody should wonder why it takes so long."""
+    root = Path(__file__).resolve().parents[1]
+    if not any(root.glob("slam/**/__pycache__/*.nbi")):
+        stages.console.print("first run: compiling the kernels takes about a minute, once")
 
 
 def estimate(
@@ -122,57 +134,41 @@ def estimate(
     return estimates
 
 
-def published(options: Options, recording: Recording) -> list[Estimate]:
-    """What other systems answered for this log, where their answers lie beside it."""
-    from scenarios.estimate import Estimate
-    from scenarios.source import peers
-    from slam.formats import peer
-
-    found = peers(Path(options.recording))
-    return [Estimate(other.name, peer.read(other.path, len(recording))) for other in found]
-
-
-def costs(metrics: list[Metric], recording: Recording, stages: Stages) -> list[Metric]:
+def costs(methods: list[str], recording: Recording, stages: Stages) -> list[Metric]:
     """Wall time and memory of every method that ran here."""
     from scenarios.evaluation import cost
 
-    ran = [name for name in dict.fromkeys(metric.method for metric in metrics) if name in stages.costs]
-    return [m for n in ran for m in cost(n, stages.costs[n].wall_s, len(recording), stages.costs[n].peak_mb)]
+    paid = [(name, stages.costs[name]) for name in methods]
+    return [metric for name, c in paid for metric in cost(name, c.wall_s, len(recording), c.peak_mb)]
 
 
-def facts(options: Options, config: MethodConfig, stages: Stages) -> dict[str, object]:
-    """What made the run: the command line, every parameter, versions, and the cost of each stage so far."""
+def described(
+    options: Options, config: MethodConfig, source: Source, estimates: list[Estimate], metrics: list[Metric]
+) -> Run:
+    """The run with what it takes to make it again: the command line, every parameter, and the versions."""
     from scenarios.environment import environment
+    from scenarios.run_folder import Run
 
-    return {
-        "command": " ".join(["python -m", COMMAND, *sys.argv[1:]]),
-        "seed": options.seed,
-        "config": config,
-        "environment": environment(stages.costs),
+    asked = {
+        "command": shlex.join(["python", "-m", COMMAND, *sys.argv[1:]]),
+        "options": asdict(options),
+        "scenario": source.settings,
+        "methods": config,
     }
+    return Run(asked, environment(), options.seed, source.recording, estimates, metrics)
 
 
-def tell_of_compilation(stages: Stages) -> None:
-    """The first run on a machine compiles the kernels; nobody should wonder why it takes so long."""
-    root = Path(__file__).resolve().parents[1]
-    if not any(root.glob("slam/**/__pycache__/*.nbi")):
-        stages.console.print("first run: compiling the kernels takes about a minute, once")
-
-
-def show(options: Options, recording: Recording, metrics: list[Metric], folder: Path) -> None:
+def show(result: Run, form: str, folder: Path) -> None:
     """The results on stdout."""
-    from scenarios.report.table import tabulate, to_rich
-    from scenarios.run_folder import metrics_json
+    from scenarios.report.table import print_table, tabulate
+    from scenarios.run_folder.metrics import metrics_json
 
-    if options.format == "json":
-        print(metrics_json(recording, options.seed, metrics))
+    if form == "json":
+        print(metrics_json(result))
         return
-    from rich.console import Console
-
-    title = f"{recording.name}: {len(recording)} scans, {recording.distance:.0f} m"
-    console = Console()
-    console.print(to_rich(tabulate(metrics), title))
-    console.print(f"[bold]{folder / 'report.html'}[/bold]", highlight=False, soft_wrap=True)
+    recording = result.recording
+    print_table(tabulate(result.metrics), f"{recording.name}: {len(recording)} scans, {recording.distance:.0f} m")
+    print(folder / "report.html")
 
 
 def print_catalogue() -> None:

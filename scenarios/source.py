@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import glob
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput, nearest
+from scenarios.cli import BadInput, Pose, nearest
 
 if TYPE_CHECKING:
+    from scenarios.estimate import Estimate
     from slam.recording import Recording
 
 
 @dataclass(frozen=True)
-class Peer:
-    """Another system's published answer for a log: one pose per scan."""
+class Source:
+    """A recording, what made it (``settings`` of its scenario, empty for a log), and what others answered for it."""
 
-    name: str
-    path: Path
+    recording: Recording
+    settings: Mapping[str, object]
+    published: tuple[Estimate, ...] = ()
 
 
 def is_scenario(target: str) -> bool:
@@ -28,44 +33,55 @@ def is_scenario(target: str) -> bool:
     """
     if target in CATALOGUE:
         return True
-    if Path(target).exists():
+    if os.path.exists(target):
         return False
     if Path(target).suffix or len(Path(target).parts) > 1:
         raise BadInput(f"{target}: no such file, expected a recording (USARSim, CARMEN or recording.npz)")
     raise BadInput(f"unknown scenario {target!r}: {nearest(target, CATALOGUE)}")
 
 
-def simulated(name: str, seed: int) -> Recording:
-    """A drive through a scenario of the catalogue."""
+def simulated(name: str, seed: int) -> Source:
+    """A drive through a scenario of the catalogue; of its settings all but the world itself."""
     from sim.record import simulate
 
-    return simulate(CATALOGUE[name], seed).recording
+    run = simulate(CATALOGUE[name], seed)
+    settings = {f.name: getattr(run.setup, f.name) for f in fields(run.setup) if f.name != "world"}
+    return Source(run.recording, {**settings, "ending": run.ending})
 
 
-def logged(path: Path, relations: Path | None, mount: tuple[float, float, float] | None) -> Recording:
+def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
     """A recording from a log, with the relations to score it against and the laser mount the user knows better.
 
-    Raises `slam.formats.FormatError` for what cannot be read and `BadInput` for relations that match nothing.
+    Answers of other systems are read where they lie beside the log. Raises `BadInput` for files that cannot be
+    read and for relations that match nothing.
     """
     import numpy as np
 
     from scenarios.evaluation.relations import relation_pairs
-    from slam.formats import load
+    from slam.formats import FormatError, load
 
-    recording = load(path, relations)
+    try:
+        recording = load(path, relations)
+        published = _published(path, len(recording))
+    except FormatError as error:
+        raise BadInput(str(error)) from error
     if mount is not None:
-        if not np.all(np.isfinite(mount)):
-            raise BadInput(f"--laser-mount: expected three finite numbers x y yaw, got {mount}")
         recording = recording.with_laser_mount(np.array(mount))
     try:
         relation_pairs(recording)
     except ValueError as error:
-        raise BadInput(f"{relations}: {error}") from error
-    return recording
+        raise BadInput(f"{relations or path}: {error}") from error
+    return Source(recording, {}, published)
 
 
-def peers(path: Path) -> list[Peer]:
-    """Answers of other systems that lie beside a log: ``intel.raw.log.gz`` finds ``intel.gmapping_ref.txt``."""
-    stem = path.name.split(".")[0]
-    found = sorted(path.parent.glob(f"{stem}.*_ref.txt"))
-    return [Peer(f"{file.name.split('.')[1].removesuffix('_ref')} (published)", file) for file in found]
+def _published(path: Path, scans: int) -> tuple[Estimate, ...]:
+    """Other systems' answers beside a log: for ``intel.raw.log.gz`` there is ``intel.gmapping_ref.txt``."""
+    from scenarios.estimate import Estimate
+    from slam.formats import peer
+
+    stem = glob.escape(path.name.split(".")[0])
+    files = sorted(path.parent.glob(f"{stem}.*_ref.txt"))
+    names = [file.name.split(".")[1].removesuffix("_ref") for file in files]
+    return tuple(
+        Estimate(f"{name} (published)", peer.read(file, scans)) for name, file in zip(names, files, strict=True)
+    )

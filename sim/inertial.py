@@ -26,7 +26,7 @@ class InertialConfig:
     """
 
     model: Model = "usarsim"
-    yaw_noise: float = 0.12
+    yaw_noise: float = 0.10
     position_noise: float = 0.06
     precision: float | None = None
     bias_walk: float = 0.0
@@ -48,7 +48,7 @@ class ShockConfig:
     """
 
     impulse: float = 14.0
-    jump: float = np.deg2rad(11.0)
+    jump: float = np.deg2rad(12.0)
     rest: float = 5.0
 
 

@@ -21,6 +21,13 @@ def choose(poses: Array, distance: float = 0.15, angle: float = np.radians(7.0))
     return np.array(chosen)
 
 
+def nearest(rows: np.ndarray, n: int) -> np.ndarray:
+    """Position in ``rows (K,)`` of the keyframe nearest in the drive to each of n scans, shape ``(n,)``."""
+    after = np.clip(np.searchsorted(rows, np.arange(n)), 1, max(len(rows) - 1, 1))
+    before_is_nearer = np.arange(n) - rows[after - 1] <= rows[np.minimum(after, len(rows) - 1)] - np.arange(n)
+    return np.where(before_is_nearer, after - 1, np.minimum(after, len(rows) - 1))
+
+
 def carry(poses: Array, rows: np.ndarray, corrected: Array) -> Array:
     """All poses ``(N, 3)`` after the poses at ``rows (K,)`` became ``corrected (K, 3)``.
 

@@ -71,4 +71,4 @@ def segments(track: Track, config: SegmentationConfig = SegmentationConfig()) ->
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
     """First and last index of every run of True."""
     edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True))
+    return list(zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True))

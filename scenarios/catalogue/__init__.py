@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
+    import numpy as np
+
     from sim.record import Setup
 
 
@@ -29,7 +29,7 @@ class Scenario:
 _SCENARIOS = (
     Scenario(
         "hospital",
-        "Two corridors, seventeen rooms; sills and rubble tilt the laser until the matcher loses its place.",
+        "Two corridors, twenty rooms; sills and rubble tilt the laser until the matcher loses its place.",
         "scenarios.catalogue.hospital:build",
     ),
 )

@@ -21,7 +21,7 @@ from sim.terrain import Terrain
 from sim.world import World
 from slam.se2 import Array
 
-LENGTH = 28.0
+LENGTH = 36.0
 SOUTH, CORRIDOR_A, CORRIDOR_B, NORTH = (0.0, 5.0), (5.0, 7.0), (12.5, 14.5), (14.5, 19.5)
 MIDDLE = (CORRIDOR_A[1], CORRIDOR_B[0])
 CROSS = 2.0
@@ -77,7 +77,7 @@ def build(rng: np.random.Generator) -> Setup:
 
 
 def draw_rooms(rng: np.random.Generator) -> Rooms:
-    """Seventeen rooms, each with a door to the corridor beside it; one in the middle leads from A to B."""
+    """Twenty rooms, each with a door to the corridor beside it; one in the middle leads from A to B."""
 
     def row(x: Array, y: tuple[float, float], door_walls: list[list[float]]) -> tuple[Room, ...]:
         return tuple(
@@ -85,30 +85,29 @@ def draw_rooms(rng: np.random.Generator) -> Rooms:
             for a, b, walls in zip(x[:-1], x[1:], door_walls, strict=True)
         )
 
-    outer, inner = np.linspace(0.0, LENGTH, 7), np.linspace(CROSS, LENGTH - CROSS, 6)
+    outer, inner = np.linspace(0.0, LENGTH, 8), np.linspace(CROSS, LENGTH - CROSS, 7)
     to_a, to_b = MIDDLE
     return Rooms(
-        row(outer, SOUTH, [[CORRIDOR_A[0]]] * 6),
-        row(inner, MIDDLE, [[to_a], [to_b], [to_a, to_b], [to_b], [to_a]]),
-        row(outer, NORTH, [[CORRIDOR_B[1]]] * 6),
+        row(outer, SOUTH, [[CORRIDOR_A[0]]] * 7),
+        row(inner, MIDDLE, [[to_a], [to_b], [to_a, to_b], [to_a], [to_b], [to_a]]),
+        row(outer, NORTH, [[CORRIDOR_B[1]]] * 7),
     )
 
 
 def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
-    """Waypoints ``(K, 2)`` m: two loops that share the room in the middle, and visits to five others."""
+    """Waypoints ``(K, 2)`` m: two loops that share a room in the middle, and visits to four others."""
     a, b = 0.5 * sum(CORRIDOR_A), 0.5 * sum(CORRIDOR_B)
     west, east = 0.5 * CROSS, LENGTH - 0.5 * CROSS
     through = rooms.middle[2]
-    first_south, last_south = rng.choice([0, 1, 2]), rng.choice([3, 4, 5])
-    first_north, last_north = rng.choice([0, 1, 2]), rng.choice([3, 4, 5])
-    inner = rooms.middle[rng.choice([0, 4])]
+    first_south, first_north = rng.choice(2), rng.choice(3)
+    last = rng.choice([rooms.south[4], rooms.south[5], rooms.middle[3], rooms.middle[5]])
+    last_north = rng.choice([4, 5, 6])
     legs: list[list[Array]] = [[np.array([west, a])]]
     legs.append(_visit(rooms.south[first_south], a, rng, apart=1.3))
     legs.append(_pass(through, a, b))
     legs.append(_visit(rooms.north[first_north], b, rng))
     legs.append([np.array([west, b]), np.array([west, a])])
-    eastward = [_visit(rooms.south[last_south], a, rng), _visit(inner, a, rng)]
-    legs += sorted(eastward, key=lambda leg: leg[0][0])
+    legs.append(_visit(last, a, rng))
     legs.append([np.array([east, a]), np.array([east, b])])
     legs.append(_visit(rooms.north[last_north], b, rng))
     legs.append(_pass(through, b, a))

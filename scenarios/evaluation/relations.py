@@ -125,6 +125,8 @@ def relation_metrics(method: str, poses: Array, recording: Recording, pairs: Pai
     error = se2.between(pairs.T_12, se2.between(at_rows[pairs.rows[:, 0]], at_rows[pairs.rows[:, 1]]))
     translation, rotation = np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(se2.wrap(error[:, 2])))
     metrics = measured(method, dict(zip(ALL, _summary(translation, rotation), strict=True)))
+    if recording.relations is None:
+        return metrics + missing(method, CLEAR, "relations made from truth have no ambiguous stamps")
     if not np.any(pairs.clear):
         return metrics + missing(method, CLEAR, "every relation has an ambiguous stamp")
     clear = _summary(translation[pairs.clear], rotation[pairs.clear])

@@ -11,6 +11,7 @@ from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import close
 from slam import bundle, chain, keyframes, se2
 from slam.frontend import track
+from slam.posegraph import optimise
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.segmentation import Segment, segments
@@ -32,9 +33,11 @@ def run(recording: Recording, config: MethodConfig) -> Estimate:
     rows = keyframes.choose(poses)
     reckoned = chain.reckoning(recording, poses, rows)
     graph = bundle.adjust([scans[k] for k in rows], reckoned, matched[rows], config.bundle)
+    settled = optimise(graph, "none", marginals=True)
     return Estimate(
         "slamstitch",
-        keyframes.carry(poses, rows, graph.poses),
+        keyframes.carry(poses, rows, settled.poses),
+        covariance=settled.marginals[keyframes.nearest(rows, len(recording))],
         track=found,
         submaps=tuple(submaps),
         stitches=closed.tried,

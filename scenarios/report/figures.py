@@ -117,30 +117,6 @@ def confidence(estimate: Estimate) -> Figure:
     return figure
 
 
-def single_map(recording: Recording, estimate: Estimate) -> Figure:
-    """One method's map: walls black, free space white, unknown grey; aligned to truth where there is truth.
-
-    Raises ``ValueError`` when the grid would be too large to draw.
-    """
-    from matplotlib.figure import Figure
-
-    drawn = _grid(recording, estimate.poses)
-    height, width = drawn.occupied.shape
-    inches = min(max(width, height) / 100.0, 24.0)
-    scale = max(inches, 6.0) / max(width, height)
-    figure = Figure(
-        figsize=(max(width * scale, 2.5) + 1.0, max(height * scale, 2.5) + 1.0), layout="constrained"
-    )
-    ax = figure.add_subplot()
-    shade = np.where(drawn.occupied, 0.0, np.where(drawn.free, 1.0, 0.85))
-    ax.imshow(
-        shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=drawn.extent, interpolation="nearest"
-    )
-    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    ax.set_title(estimate.method, fontsize=FONT["title"], parse_math=False)
-    return figure
-
-
 def _grid(recording: Recording, poses: Array) -> Grid:
     return map_at(recording, poses if recording.truth is None else aligned(poses, recording.truth))
 

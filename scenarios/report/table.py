@@ -65,6 +65,15 @@ def tabulate(metrics: Sequence[Metric]) -> Table:
     return Table(methods, tuple(rows), tuple((reason, tuple(names)) for reason, names in absent.items()))
 
 
+def print_table(table: Table, title: str) -> None:
+    """The table on stdout, as wide as it needs to be: a number cut short would be a wrong number."""
+    from rich.console import Console
+
+    console, output = Console(), to_rich(table, title)
+    console.width = max(console.width, console.measure(output, options=console.options.update(width=9999)).minimum)
+    console.print(output)
+
+
 def to_rich(table: Table, title: str | None = None) -> rich.table.Table:
     """The table for the console; what is best in a row is bold."""
     import rich.box
@@ -79,9 +88,9 @@ def to_rich(table: Table, title: str | None = None) -> rich.table.Table:
         box=rich.box.SIMPLE_HEAD,
     )
     output.add_column("metric", no_wrap=True)
-    output.add_column("unit")
+    output.add_column("unit", no_wrap=True)
     for method in table.methods:
-        output.add_column(Text(method), justify="right")
+        output.add_column(Text(method.replace(" ", "\n")), justify="right", vertical="bottom", no_wrap=True)
     for row in table.rows:
         cells = [Text(cell.text, style="bold" if cell.best else "") for cell in row.cells]
         output.add_row(Text(f"{row.name} {row.arrow}".rstrip()), row.unit, *cells)

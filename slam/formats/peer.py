@@ -1,4 +1,4 @@
-"""Another system's answer for a log: rows ``stamp x y theta …``, one per scan, in the order of the log."""
+"""Another system's answer for a log: lines ``stamp x y theta …``, one per scan, in the order of the log."""
 
 from __future__ import annotations
 
@@ -9,28 +9,27 @@ import numpy as np
 
 from slam import se2
 from slam.formats.errors import FormatError
-from slam.formats.text import decode, read_bytes
+from slam.formats.text import decode, numbers, read_bytes
 from slam.se2 import Array
+
+COLUMNS = "stamp x y theta"
 
 
 def read(path: str | PathLike[str], scans: int) -> Array:
-    """Poses ``(N, 3)`` (m, m, rad), one for each of the recording's ``scans``.
+    """Poses ``(N, 3)`` (m, m, rad), one for each of the recording's ``scans``; further columns are dropped.
 
-    Raises `FormatError` when a row has not four finite numbers or the number of rows differs from that of scans.
+    Raises `FormatError` naming file and line, and when the number of poses differs from that of the scans.
     """
     path, rows = Path(path), []
-    for number, line in enumerate(decode(read_bytes(path), path).splitlines(), start=1):
-        if not line.strip() or line.startswith("#"):
+    for number, line in enumerate(decode(read_bytes(path), path).split("\n"), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
             continue
-        try:
-            values = [float(word) for word in line.split()[1:4]]
-        except ValueError:
-            values = []
-        if len(values) != 3 or not np.all(np.isfinite(values)):
-            raise FormatError("expected 'stamp x y theta', finite numbers", path, number)
-        rows.append(values)
+        if len(words) < 4:
+            raise FormatError(f"pose of {len(words)} values, expected at least 4: {COLUMNS}", path, number)
+        rows.append(numbers(words[:4], "pose", path, number))
     if len(rows) != scans:
-        raise FormatError(f"expected one pose for each of {scans} scans, got {len(rows)}", path)
-    poses = np.array(rows)
+        raise FormatError(f"{len(rows)} poses, expected one for each of {scans} scans", path)
+    poses = np.array(rows)[:, 1:]
     poses[:, 2] = se2.wrap(poses[:, 2])
     return poses

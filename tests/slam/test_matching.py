@@ -41,7 +41,8 @@ def found(*arguments: object, **settings: object) -> Match:
 def test_the_same_points_give_the_exact_pose(room: Array, look: Look, method: str) -> None:
     scan = look(room, FROM)
     reference = scan.transformed(MOVED)
-    result = found(reference, scan, MOVED + SEED_ERROR, method)
+    # Seeded so near that every point's nearest neighbour is its own copy.
+    result = found(reference, scan, MOVED + 0.1 * SEED_ERROR, method)
     np.testing.assert_allclose(result.T_reference_scan, MOVED, atol=1e-5)
     assert result.converged
     assert result.residual_rms < 1e-3
@@ -283,7 +284,7 @@ def arrays(scan: Scan) -> tuple[Array, Array, Array, Array]:
 
 
 @pytest.mark.parametrize("mutual", [True, False])
-@pytest.mark.parametrize("radius", [0.1, 0.5])
+@pytest.mark.parametrize("radius", [0.05, 0.5])
 def test_twin_of_correspondences(room: Array, look: Look, mutual: bool, radius: float) -> None:
     reference, scan = pair(look, room)
     pose = MOVED + [0.05, 0.05, 0.05]
@@ -293,7 +294,8 @@ def test_twin_of_correspondences(room: Array, look: Look, mutual: bool, radius: 
     if mutual:
         back = apart.argmin(axis=0)
         expected[(expected >= 0) & (back[expected] != np.arange(len(scan)))] = -1
-    assert 0 < np.sum(expected < 0) < len(scan)
+    assert np.any(expected < 0) == (mutual or radius < 0.1)
+    assert np.sum(expected >= 0) > 20
     pairs = kernels.correspondences(
         reference.points, Reference(reference).index, scan.points, Reference(scan).index, pose, radius, mutual
     )

@@ -176,7 +176,7 @@ def test_an_empty_map_has_a_reason(
 def test_a_matcher_without_an_answer_is_heard(
     near: tuple[Submap, Submap, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(slam.matching, "match", lambda *_: slam.matching.NoMatch("too few pairs"))
+    monkeypatch.setattr(slam.matching, "match", lambda *_, **__: slam.matching.NoMatch("too few pairs"))
     answer = align(near[0], near[1])
     assert isinstance(answer, NoStitch)
     assert "too few pairs" in answer.reason
@@ -187,8 +187,8 @@ def test_a_matcher_that_wanders_off_is_not_believed(
 ) -> None:
     real = slam.matching.match
 
-    def astray(reference, scan, guess):
-        answer = real(reference, scan, guess)
+    def astray(*arguments, **settings):
+        answer = real(*arguments, **settings)
         return replace(answer, T_reference_scan=se2.compose(answer.T_reference_scan, [0.5, 0.0, 0.0]))
 
     monkeypatch.setattr(slam.matching, "match", astray)
