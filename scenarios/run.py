@@ -167,7 +167,9 @@ def show(result: Run, form: str, folder: Path) -> None:
         print(metrics_json(result))
         return
     recording = result.recording
-    print_table(tabulate(result.metrics), f"{recording.name}: {len(recording)} scans, {recording.distance:.0f} m")
+    print_table(
+        tabulate(result.metrics), f"{recording.name}: {len(recording)} scans, {recording.distance:.0f} m"
+    )
     print(folder / "report.html")
 
 

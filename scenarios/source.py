@@ -83,5 +83,6 @@ def _published(path: Path, scans: int) -> tuple[Estimate, ...]:
     files = sorted(path.parent.glob(f"{stem}.*_ref.txt"))
     names = [file.name.split(".")[1].removesuffix("_ref") for file in files]
     return tuple(
-        Estimate(f"{name} (published)", peer.read(file, scans)) for name, file in zip(names, files, strict=True)
+        Estimate(f"{name} (published)", peer.read(file, scans))
+        for name, file in zip(names, files, strict=True)
     )

@@ -1,4 +1,5 @@
-"""Bundle adjustment of scans: neighbouring keyframes matched pairwise, again and again, all poses solved at once."""
+"""Bundle adjustment of scans: neighbouring keyframes matched pairwise, again and again, all poses solved
+at once."""
 
 from __future__ import annotations
 
@@ -18,9 +19,10 @@ from slam.se2 import Array
 
 @dataclass(frozen=True)
 class BundleConfig:
-    """Each keyframe is matched to at most ``neighbours`` earlier ones within ``reach`` m, at most ``per_pass`` of
-    them from one stretch of the drive. One round per entry of ``radii`` (correspondence distance, m); ``robust``
-    the χ² at which a pair of points counts half. ``fade`` is the mean information below which a direction fades out.
+    """Each keyframe is matched to at most ``neighbours`` earlier ones within ``reach`` m, at most
+    ``per_pass`` of them from one stretch of the drive. One round per entry of ``radii`` (correspondence
+    distance, m); ``robust`` the χ² at which a pair of points counts half. ``fade`` is the mean
+    information below which a direction fades out.
     """
 
     neighbours: int = 14
@@ -43,14 +45,17 @@ def adjust(scans: Sequence[Scan], backbone: PoseGraph, usable: np.ndarray, confi
     pairs = neighbours(backbone.poses, usable, config)
     graph = backbone
     for radius in config.radii:
-        graph = _with_pairs(replace(backbone, poses=graph.poses), *cloud.linearised(graph.poses, pairs, radius, config))
+        graph = _with_pairs(
+            replace(backbone, poses=graph.poses), *cloud.linearised(graph.poses, pairs, radius, config)
+        )
         graph = replace(graph, poses=optimise(graph, "none", relinearisations=1).poses)
     return graph
 
 
 @dataclass(frozen=True)
 class _Cloud:
-    """All keyframes packed for the kernel: their points, and their lattice indices cut at ``first_offsets``."""
+    """All keyframes packed for the kernel: their points, and their lattice indices cut at
+    ``first_offsets``."""
 
     arrays: tuple[Array, ...]
     offsets: np.ndarray
@@ -72,8 +77,8 @@ class _Cloud:
     def linearised(
         self, poses: Array, pairs: np.ndarray, radius: float, config: BundleConfig
     ) -> tuple[np.ndarray, Array, Array]:
-        """Pairs that see each other, their relative poses ``T_ij`` one step on, and the information in the body of
-        j."""
+        """Pairs that see each other, their relative poses ``T_ij`` one step on, and the information in
+        the body of j."""
         from slam.matching.kernels import linearise_pairs
 
         guesses = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])

@@ -1,8 +1,10 @@
-"""A front end's track as the backbone of a pose graph: matched steps and dead reckoning between chosen scans."""
+"""A front end's track as the backbone of a pose graph: matched steps and dead reckoning between chosen
+scans."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,24 +15,27 @@ from slam.se2 import Array
 from slam.track import Track, Verdict
 
 SHARED_ERROR = 25.0
-"""Neighbouring points share their errors (an uneven floor, a bent wall): a match's information is divided by this,
-as if each range had five times its noise."""
+"""Neighbouring points share their errors (an uneven floor, a bent wall): a match's information is divided
+by this, as if each range had five times its noise."""
 
 LEAST_VARIANCE = 1e-8
 """Variance (m², rad²) of a step at rest, so that its inverse exists."""
 
 WORST_VARIANCE = 1.0
-"""Variance (m², rad²) of a direction a match says nothing about, while information is composed along the drive."""
+"""Variance (m², rad²) of a direction a match says nothing about, while information is composed along the
+drive."""
 
 LOCAL_MAP_SHIFT = 0.5
 """Metres after which the local map has changed enough for a match against it to be new evidence."""
 
 
 def backbone(recording: Recording, track: Track, rows: np.ndarray) -> PoseGraph:
-    """Graph over the scans ``rows (K,)``: what matching and dead reckoning say of each step from one to the next.
+    """Graph over the scans ``rows (K,)``: what matching and dead reckoning say of each step from one to
+    the next.
 
     Two edges a step: the track's, where matches count with their information and lost scans with the dead
-    reckoning's, and the dead reckoning's own (for an INS its yaw; its position goes into the world steps).
+    reckoning's, and the dead reckoning's own (for an INS its yaw; its position goes into the world
+    steps).
     """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
     reckoned = reckoning(recording, track.poses, rows)
@@ -48,7 +53,7 @@ def backbone(recording: Recording, track: Track, rows: np.ndarray) -> PoseGraph:
 def reckoning(recording: Recording, poses: Array, rows: np.ndarray) -> PoseGraph:
     """Graph of dead reckoning alone over the scans ``rows (K,)``, placed at ``poses (N, 3)``."""
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
-    steps = zip(rows[:-1], rows[1:], strict=True)
+    steps = pairwise(rows)
     information = [_reckoned_information(recording, int(i), int(j)) for i, j in steps]
     at_rows = recording.dead_reckoning[rows]
     return PoseGraph(
@@ -62,7 +67,8 @@ def reckoning(recording: Recording, poses: Array, rows: np.ndarray) -> PoseGraph
 
 def _tracked_covariance(recording: Recording, track: Track, i: int, j: int) -> Array:
     """Covariance in the body frame of scan j of the track's step from i, composed along the drive."""
-    covariance, last, since = np.eye(3) * LEAST_VARIANCE, i, 0.0
+    covariance: Array = np.eye(3) * LEAST_VARIANCE
+    last, since = i, 0.0
     steps = [k for k in range(i + 1, j + 1) if track.verdict[k] != Verdict.SKIPPED]
     for k in steps:
         covariance = se2.transport(covariance, se2.between(track.poses[k], track.poses[last]))
@@ -78,10 +84,10 @@ def _tracked_covariance(recording: Recording, track: Track, i: int, j: int) -> A
 
 
 def _reckoned_information(recording: Recording, i: int, j: int) -> Array:
-    """Information of the recorded step in the body frame of j, its covariance summed scan by scan; for an INS of
-    its yaw alone."""
+    """Information of the recorded step in the body frame of j, its covariance summed scan by scan; for an
+    INS of its yaw alone."""
     reckoned = recording.dead_reckoning
-    covariance = np.zeros((3, 3))
+    covariance: Array = np.zeros((3, 3))
     for k in range(i + 1, j + 1):
         covariance = se2.transport(covariance, se2.between(reckoned[k], reckoned[k - 1]))
         covariance = covariance + dead_reckoning.step_covariance(recording, k - 1, k)

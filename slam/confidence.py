@@ -14,8 +14,8 @@ from slam.se2 import Array
 class Evidence:
     """What the matcher left behind for N scans.
 
-    ``covariance (N, 3, 3)`` of each step, NaN where there is none; ``matches (N,)``; ``tried (N,)`` True where a
-    match was attempted; ``failed (N,)`` True where it gave no answer.
+    ``covariance (N, 3, 3)`` of each step, NaN where there is none; ``matches (N,)``; ``tried (N,)`` True
+    where a match was attempted; ``failed (N,)`` True where it gave no answer.
     """
 
     covariance: Array
@@ -46,7 +46,8 @@ MEASURES: dict[str, Callable[[Evidence], Array]] = {
 
 
 def columns(evidence: Evidence) -> dict[str, Array]:
-    """Every measure as a column ``(N,)``: +inf where a match was tried and failed, NaN where none was tried."""
+    """Every measure as a column ``(N,)``: +inf where a match was tried and failed, NaN where none was
+    tried."""
     table = {}
     for name, measure in MEASURES.items():
         values = np.where(evidence.failed, np.inf, measure(evidence))

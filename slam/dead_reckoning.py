@@ -1,7 +1,8 @@
 """What dead reckoning says of a step, and how far it may be believed.
 
-An INS increments its position in its own world frame, whatever its yaw does (USARSim's INS, report §6.2.4); wheel
-odometry increments in the body frame. The variances were measured on recordings of both kinds.
+An INS increments its position in its own world frame, whatever its yaw does (USARSim's INS, report
+§6.2.4); wheel odometry increments in the body frame. The variances were measured on recordings of both
+kinds.
 """
 
 from __future__ import annotations

@@ -15,16 +15,18 @@ from slam.scan import Scan, scans_of
 from slam.se2 import Array
 from slam.track import Track, Verdict
 
+
 @dataclass(frozen=True)
 class FrontendConfig:
     """Settings of the front end.
 
-    ``seed_mode``: the guess is the absolute dead-reckoned pose (ManifoldSLAM) or the last pose moved by the
-    recorded increment. ``reference``: one scan, or the last ``map_scans`` keyframes. A scan is skipped until the
-    robot moved ``skip_distance`` m on an axis or turned ``skip_angle`` rad, and becomes a keyframe ``extend_distance`` m
-    or ``extend_angle`` rad away from the last one. ``trust_dead_reckoning`` weighs the increment as a prior in
-    the match. Scans tilted more than ``tilt_limit`` rad from the recent attitude are not matched. A match with a
-    variance above ``most_variance`` (mm² and rad² alike, as ManifoldSLAM has it) is not believed.
+    ``seed_mode``: the guess is the absolute dead-reckoned pose (ManifoldSLAM) or the last pose moved by
+    the recorded increment. ``reference``: one scan, or the last ``map_scans`` keyframes. A scan is
+    skipped until the robot moved ``skip_distance`` m on an axis or turned ``skip_angle`` rad, and becomes
+    a keyframe ``extend_distance`` m or ``extend_angle`` rad away from the last one.
+    ``trust_dead_reckoning`` weighs the increment as a prior in the match. Scans tilted more than
+    ``tilt_limit`` rad from the recent attitude are not matched. A match with a variance above
+    ``most_variance`` (mm² and rad² alike, as ManifoldSLAM has it) is not believed.
     """
 
     seed_mode: Literal["absolute", "incremental"] = "incremental"

@@ -9,8 +9,8 @@ from slam.se2 import Array
 
 
 def choose(poses: Array, distance: float = 0.15, angle: float = np.radians(7.0)) -> np.ndarray:
-    """Indices ``(K,)`` of the poses ``(N, 3)`` that lie ``distance`` m or ``angle`` rad from the one chosen before;
-    the first and the last are always among them."""
+    """Indices ``(K,)`` of the poses ``(N, 3)`` that lie ``distance`` m or ``angle`` rad from the one
+    chosen before; the first and the last are always among them."""
     chosen = [0]
     for k in range(1, len(poses)):
         step = se2.between(poses[chosen[-1]], poses[k])
@@ -31,8 +31,8 @@ def nearest(rows: np.ndarray, n: int) -> np.ndarray:
 def carry(poses: Array, rows: np.ndarray, corrected: Array) -> Array:
     """All poses ``(N, 3)`` after the poses at ``rows (K,)`` became ``corrected (K, 3)``.
 
-    The correction between two rows is spread along the path travelled between them; before the first and after the
-    last row it is that row's own.
+    The correction between two rows is spread along the path travelled between them; before the first and
+    after the last row it is that row's own.
     """
     path = se2.path_length(poses) + 1e-9 * np.arange(len(poses))
     before = np.clip(np.searchsorted(rows, np.arange(len(poses)), side="right") - 1, 0, len(rows) - 1)

@@ -31,7 +31,8 @@ def _no_loops() -> np.ndarray:
 
 @dataclass(frozen=True)
 class WorldSteps:
-    """Position increments of an INS in its own world frame: ``t_j − t_i = displacement``, whatever the yaw is.
+    """Position increments of an INS in its own world frame: ``t_j − t_i = displacement``, whatever the
+    yaw is.
 
     ``edges (W, 2)`` node indices, ``displacement (W, 2)`` m, ``variance (W,)`` m² per axis.
     """
@@ -45,9 +46,9 @@ class WorldSteps:
 class PoseGraph:
     """Poses ``(K, 3)`` and E relative poses between them.
 
-    ``edges (E, 2)`` indices i, j into ``poses``; ``T_ij (E, 3)``; ``information (E, 3, 3)`` in the tangent of j,
-    positive semi-definite, singular where a direction is unknown; ``loop (E,)`` True for the edges that may be
-    false (default: none); ``world_steps`` an INS's position increments, or None.
+    ``edges (E, 2)`` indices i, j into ``poses``; ``T_ij (E, 3)``; ``information (E, 3, 3)`` in the
+    tangent of j, positive semi-definite, singular where a direction is unknown; ``loop (E,)`` True for
+    the edges that may be false (default: none); ``world_steps`` an INS's position increments, or None.
     """
 
     poses: Array
@@ -74,34 +75,32 @@ class PoseGraph:
 
 @dataclass(frozen=True)
 class Solution:
-    """Optimised ``poses (K, 3)``, the ``weights (L,)`` left to the loop edges in their order (1 kept, 0 switched
-    off), and ``marginals (K, 3, 3)`` in the body frame, without the rejected loops (None unless asked for).
+    """Optimised ``poses (K, 3)`` and the ``weights (L,)`` left to the loop edges in their order (1 kept, 0
+    switched off).
     """
 
     poses: Array
     weights: Array
-    marginals: Array | None = None
 
 
-def optimise(
-    graph: PoseGraph, loss: Loss = "gnc", marginals: bool = False, relinearisations: int = RELINEARISATIONS
-) -> Solution:
+def optimise(graph: PoseGraph, loss: Loss = "gnc", relinearisations: int = RELINEARISATIONS) -> Solution:
     """Most likely poses of the graph, robust against false loops.
 
-    ``gnc``: graduated non-convexity with truncated least squares (Yang et al. 2020) over the loops, all other
-    edges known inliers; ``dcs``: dynamic covariance scaling (Agarwal et al. 2013); ``none``: plain least squares.
-    An INS's steps are linearised anew up to ``relinearisations`` times.
-    Raises ``ValueError`` when an edge's information is not positive semi-definite, which gtsam would accept.
+    ``gnc``: graduated non-convexity with truncated least squares (Yang et al. 2020) over the loops, all
+    other edges known inliers; ``dcs``: dynamic covariance scaling (Agarwal et al. 2013); ``none``: plain
+    least squares. An INS's steps are linearised anew up to ``relinearisations`` times. Raises
+    ``ValueError`` when an edge's information is not positive semi-definite, which gtsam would accept.
     """
     _check_information(graph)
-    poses, weights = graph.poses, np.ones(int(graph.loop.sum()))
+    poses: Array = graph.poses
+    weights: Array = np.ones(int(graph.loop.sum()))
     for _ in range(relinearisations):
         before = poses
         poses, weights = _solve(replace(graph, poses=before), loss)
         change = se2.between(before, poses)
         if graph.world_steps is None or np.max(np.abs(change)) < SETTLED:
             break
-    return Solution(poses, weights, _marginals(graph, poses, weights) if marginals else None)
+    return Solution(poses, weights)
 
 
 def _check_information(graph: PoseGraph) -> None:
@@ -110,7 +109,7 @@ def _check_information(graph: PoseGraph) -> None:
     if not np.all(np.isfinite(information)):
         raise ValueError("pose graph: an edge's information is not finite")
     lowest = np.linalg.eigvalsh(0.5 * (information + np.swapaxes(information, -1, -2)))
-    bad = np.flatnonzero(lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0)) if len(lowest) else []
+    bad = np.flatnonzero(lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0))
     if len(bad):
         i, j = graph.edges[bad[0]]
         raise ValueError(f"pose graph: the information of edge {i}-{j} is not positive semi-definite")
@@ -151,7 +150,7 @@ def _factors(graph: PoseGraph, loss: Loss) -> Any:
     for (i, j), T, information, loop in zip(
         graph.edges, graph.T_ij, graph.information, graph.loop, strict=True
     ):
-        noise = gtsam.noiseModel.Gaussian.Information(0.5 * (information + information.T))
+        noise: Any = gtsam.noiseModel.Gaussian.Information(0.5 * (information + information.T))
         if loop and loss == "dcs":
             noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.DCS.Create(1.0), noise)
         factors.add(gtsam.BetweenFactorPose2(int(i), int(j), gtsam.Pose2(*T), noise))
@@ -163,8 +162,8 @@ def _factors(graph: PoseGraph, loss: Loss) -> Any:
 
 
 def _add_world_steps(factors: Any, steps: WorldSteps, poses: Array) -> None:
-    """Rows of ``t_j − t_i − displacement``, linearised at ``poses``: gtsam has no such factor of its own, and its
-    GNC cannot clone a CustomFactor."""
+    """Rows of ``t_j − t_i − displacement``, linearised at ``poses``: gtsam has no such factor of its own,
+    and its GNC cannot clone a CustomFactor."""
     import gtsam
 
     unit = gtsam.noiseModel.Unit.Create(2)
@@ -202,22 +201,22 @@ def _dcs_weights(graph: PoseGraph, poses: Array) -> Array:
     return np.minimum(1.0, 2.0 / (1.0 + chi_squared(graph, poses)[graph.loop])) ** 2
 
 
-def _marginals(graph: PoseGraph, poses: Array, weights: Array) -> Array:
-    """Covariances at the solution of the graph without the loops that were switched off."""
+def marginals(graph: PoseGraph, solution: Solution) -> Array:
+    """Covariances ``(K, 3, 3)`` in the body frame at a solution, without the loops it switched off."""
     import gtsam
 
     kept = ~graph.loop
-    kept[np.flatnonzero(graph.loop)[weights > 0.5]] = True
+    kept[np.flatnonzero(graph.loop)[solution.weights > 0.5]] = True
     trusted = replace(
         graph,
-        poses=poses,
+        poses=solution.poses,
         edges=graph.edges[kept],
         T_ij=graph.T_ij[kept],
         information=graph.information[kept],
         loop=graph.loop[kept],
     )
-    marginals = gtsam.Marginals(_factors(trusted, "none"), _initial(poses))
-    return np.array([marginals.marginalCovariance(k) for k in range(len(poses))])
+    found = gtsam.Marginals(_factors(trusted, "none"), _initial(solution.poses))
+    return np.array([found.marginalCovariance(k) for k in range(len(solution.poses))])
 
 
 def _poses(values: Any) -> Array:

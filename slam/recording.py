@@ -24,7 +24,7 @@ class Laser:
     T_robot_laser: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.range_min < self.range_max:
+        if not (self.range_min >= 0.0 and self.range_max > self.range_min):
             raise ValueError(f"laser limits: expected 0 <= {self.range_min} < {self.range_max}")
         if not self.sigma_range > 0.0:
             raise ValueError(f"laser noise: expected sigma_range > 0, got {self.sigma_range}")
@@ -47,7 +47,7 @@ class Odometry:
         object.__setattr__(self, "time", _checked("odometry time", self.time, (m,)))
         object.__setattr__(self, "poses", _checked("odometry poses", self.poses, (m, 3)))
         rows = np.asarray(self.scan_row, dtype=np.int64)
-        if rows.size and not (0 <= rows.min() and rows.max() < m):
+        if rows.size and not (rows.min() >= 0 and rows.max() < m):
             raise ValueError(f"odometry scan_row: expected rows in 0..{m - 1}")
         object.__setattr__(self, "scan_row", rows)
 
@@ -69,10 +69,11 @@ class Relations:
 class Recording:
     """One drive. Arrays are in file order; N scans of B beams.
 
-    ``ranges (N, B)`` m with NaN for a beam without return, ``angles (B,)`` rad increasing counter-clockwise in
-    the laser frame, ``dead_reckoning (N, 3)`` robot poses at the scans. With ``source="ins"`` position
-    increments live in the INS's own world frame; with ``"odometry"`` in the body frame. ``attitude (N, 2)`` is
-    (roll, pitch) rad as the INS says, ``truth (N, 3)`` robot poses of a simulator or tracker.
+    ``ranges (N, B)`` m with NaN for a beam without return, ``angles (B,)`` rad increasing
+    counter-clockwise in the laser frame, ``dead_reckoning (N, 3)`` robot poses at the scans. With
+    ``source="ins"`` position increments live in the INS's own world frame; with ``"odometry"`` in the
+    body frame. ``attitude (N, 2)`` is (roll, pitch) rad as the INS says, ``truth (N, 3)`` robot poses of
+    a simulator or tracker.
 
     Raises ``ValueError`` when shapes disagree or a value that must be finite is not.
     """

@@ -20,11 +20,12 @@ SIGMA_ANGLE = 1e-3
 
 @dataclass(frozen=True)
 class Scan:
-    """Points ``(n, 2)`` m in the robot's frame (or a submap's), with what is known of the surface at each.
+    """Points ``(n, 2)`` m in the robot's frame (or a submap's), with what is known of the surface at
+    each.
 
-    ``tangents (n, 2)`` unit vectors along the wall, NaN where no tangent can be trusted; ``normals (n, 2)`` unit
-    vectors towards the sensor, NaN likewise; ``covariance (n, 2, 2)`` m²; ``tangent_sigma (n,)`` rad;
-    ``beams (n,)`` index of the beam each point came from.
+    ``tangents (n, 2)`` unit vectors along the wall, NaN where no tangent can be trusted; ``normals (n,
+    2)`` unit vectors towards the sensor, NaN likewise; ``covariance (n, 2, 2)`` m²; ``tangent_sigma
+    (n,)`` rad; ``beams (n,)`` index of the beam each point came from.
     """
 
     points: Array
@@ -76,7 +77,8 @@ def scans_of(recording: Recording) -> list[Scan]:
 
 
 def _from_rows(ranges: Array, angles: Array, laser: Laser) -> list[Scan]:
-    """Scans in the robot's frame from ``ranges (N, B)``, all at once: the arithmetic is a fraction of the calls."""
+    """Scans in the robot's frame from ``ranges (N, B)``, all at once: the arithmetic is a fraction of the
+    calls."""
     from slam.surface import read_surfaces
 
     spacing_angle = float(np.median(np.diff(angles))) if len(angles) > 1 else np.pi / 180.0

@@ -7,10 +7,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 SMALL_ANGLE = 1e-4
 """Below this yaw [rad] exp and log use their Taylor series: the next term is under 1e-17."""
@@ -113,7 +115,8 @@ def transport(covariance: ArrayLike, T: ArrayLike) -> Array:
 
 
 def compose_covariance(covariance_ab: ArrayLike, T_bc: ArrayLike, covariance_bc: ArrayLike) -> Array:
-    """Covariance ``(..., 3, 3)`` of ``T_ab ∘ T_bc`` to first order: ``Ad(T_bc⁻¹) Σ_ab Ad(T_bc⁻¹)ᵀ + Σ_bc``."""
+    """Covariance ``(..., 3, 3)`` of ``T_ab ∘ T_bc`` to first order: ``Ad(T_bc⁻¹) Σ_ab Ad(T_bc⁻¹)ᵀ +
+    Σ_bc``."""
     return transport(covariance_ab, inverse(T_bc)) + np.asarray(covariance_bc, dtype=np.float64)
 
 

@@ -56,7 +56,8 @@ def lost_steps(track: Track, config: SegmentationConfig = SegmentationConfig()) 
 
 
 def segments(track: Track, config: SegmentationConfig = SegmentationConfig()) -> tuple[Segment, ...]:
-    """Stretches of the drive between losses; the lost steps belong to none, scans skipped at rest follow them."""
+    """Stretches of the drive between losses; the lost steps belong to none, scans skipped at rest follow
+    them."""
     lost = lost_steps(track, config)
     resting = track.verdict == Verdict.SKIPPED
     inside = np.zeros(len(track), dtype=bool)
@@ -71,4 +72,6 @@ def segments(track: Track, config: SegmentationConfig = SegmentationConfig()) ->
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
     """First and last index of every run of True."""
     edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    return list(zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True))
+    return list(
+        zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True)
+    )

@@ -18,8 +18,8 @@ from slam.se2 import Array
 class Submap:
     """Scans ``start..stop-1`` of a recording in the frame of one anchor pose, that of scan ``start``.
 
-    ``anchor (3,)`` is the anchor's pose in the map frame at the time of cutting; ``points`` and ``grid`` are in
-    the anchor's frame.
+    ``anchor (3,)`` is the anchor's pose in the map frame at the time of cutting; ``points`` and ``grid``
+    are in the anchor's frame.
     """
 
     start: int
@@ -38,10 +38,11 @@ def cut(
     rows: np.ndarray,
     resolution: float = 0.1,
 ) -> Submap:
-    """The submap of scans ``start..stop-1`` at ``poses (N, 3)``, drawn from those of the scans ``rows`` among them.
+    """The submap of scans ``start..stop-1`` at ``poses (N, 3)``, drawn from those of the scans ``rows``
+    among them.
 
-    ``rows`` are indices of scans that may be trusted; those outside the stretch are left out. Raises ``ValueError``
-    when none is inside.
+    ``rows`` are indices of scans that may be trusted; those outside the stretch are left out. Raises
+    ``ValueError`` when none is inside.
     """
     inside = rows[(rows >= start) & (rows < stop)]
     if len(inside) == 0:

@@ -1,8 +1,8 @@
 """Kernels that read the surface off neighbouring beams: tangents, normals and point covariances.
 
-Pfister et al., "Weighted range sensor matching algorithms for mobile robot displacement estimation" (2002),
-names the error sources; tangents come from principal axes rather than from two neighbours, whose noise at short
-range invents information.
+Pfister et al., "Weighted range sensor matching algorithms for mobile robot displacement estimation"
+(2002), names the error sources; tangents come from principal axes rather than from two neighbours, whose
+noise at short range invents information.
 """
 
 from __future__ import annotations
@@ -59,11 +59,12 @@ def _principal_axis(points, first, last):
 
 @njit(cache=True)
 def tangents_of_beams(points, spacing, radius, sigma):
-    """Tangent direction and its standard deviation for each beam's point, both ``(B,)`` rad, NaN if untrusted.
+    """Tangent direction and its standard deviation for each beam's point, both ``(B,)`` rad, NaN if
+    untrusted.
 
-    ``points (B, 2)`` m in beam order with NaN rows, ``spacing (B,)`` m to the next beam on a surface seen at
-    right angles, ``radius`` m of the neighbourhood, ``sigma`` m range noise. A neighbourhood that is not a line
-    (rms across above three sigma) is tried once more at half the radius, then given up.
+    ``points (B, 2)`` m in beam order with NaN rows, ``spacing (B,)`` m to the next beam on a surface seen
+    at right angles, ``radius`` m of the neighbourhood, ``sigma`` m range noise. A neighbourhood that is
+    not a line (rms across above three sigma) is tried once more at half the radius, then given up.
     """
     direction = np.full(len(points), np.nan)
     deviation = np.full(len(points), np.nan)
@@ -99,7 +100,8 @@ def correspondence_variance(distance, incidence, spacing_angle):
 
 @njit(cache=True)
 def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sigma_angle):
-    """Covariances ``(B, 2, 2)`` m² in the laser frame: measurement plus correspondence error (Pfister 2002)."""
+    """Covariances ``(B, 2, 2)`` m² in the laser frame: measurement plus correspondence error (Pfister
+    2002)."""
     covariance = np.full((len(ranges), 2, 2), np.nan)
     for i in range(len(ranges)):
         if not np.isfinite(ranges[i]):
@@ -128,7 +130,8 @@ def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sig
 
 @njit(cache=True)
 def read_surfaces(ranges, angles, spacing_angle, radius, sigma_range, sigma_angle):
-    """Tangent directions and their deviations ``(N, B)`` rad and point covariances ``(N, B, 2, 2)`` m² of N scans."""
+    """Tangent directions and their deviations ``(N, B)`` rad and point covariances ``(N, B, 2, 2)`` m² of
+    N scans."""
     shape = ranges.shape
     direction, deviation = np.empty(shape), np.empty(shape)
     covariance = np.empty((shape[0], shape[1], 2, 2))

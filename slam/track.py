@@ -25,12 +25,12 @@ class Verdict(IntEnum):
 class Track:
     """Front-end output for N scans.
 
-    ``poses (N, 3)`` robot in the map frame; ``verdict (N,)`` of `Verdict`; ``reference (N,)`` the scan index each
-    pose was estimated against (-1 for the first); ``covariance (N, 3, 3)`` of the step from that reference in
-    the body frame of the scan, NaN where there is none; ``information (N, 3, 3)`` what the match alone said of
-    it, weak directions faded out, zero where it said nothing; ``matches (N,)`` pairs in the last iteration;
-    ``confidence`` named columns ``(N,)``, larger = worse, +inf where a match was tried and failed and NaN where
-    none was tried.
+    ``poses (N, 3)`` robot in the map frame; ``verdict (N,)`` of `Verdict`; ``reference (N,)`` the scan
+    index each pose was estimated against (-1 for the first); ``covariance (N, 3, 3)`` of the step from
+    that reference in the body frame of the scan, NaN where there is none; ``information (N, 3, 3)`` what
+    the match alone said of it, weak directions faded out, zero where it said nothing; ``matches (N,)``
+    pairs in the last iteration; ``confidence`` named columns ``(N,)``, larger = worse, +inf where a match
+    was tried and failed and NaN where none was tried.
     """
 
     poses: Array

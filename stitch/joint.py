@@ -167,7 +167,7 @@ def _located(
         return best.T_a_b, sigma
     from slam.matching import NoMatch, match
 
-    some = b.points.selected(slice(None, None, 1 + len(b.points) // REFINE_POINTS))
+    some = b.points.selected(np.arange(0, len(b.points), 1 + len(b.points) // REFINE_POINTS))
     answer = match(a.points, some, best.T_a_b, "plicp", config=REFINEMENT)
     if isinstance(answer, NoMatch):
         return NoStitch(f"the scan matcher found nothing: {answer.reason}", best)

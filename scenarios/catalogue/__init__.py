@@ -29,7 +29,7 @@ class Scenario:
 _SCENARIOS = (
     Scenario(
         "hospital",
-        "Two corridors, twenty rooms; sills and rubble tilt the laser until the matcher loses its place.",
+        "Corridors, a hall, seventeen rooms; sills and rubble tilt the laser until the matcher loses its place.",
         "scenarios.catalogue.hospital:build",
     ),
 )

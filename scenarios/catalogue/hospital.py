@@ -21,11 +21,13 @@ from sim.terrain import Terrain
 from sim.world import World
 from slam.se2 import Array
 
-LENGTH = 36.0
+LENGTH = 30.0
+HALL = 9.0
+"""How far the hall at the east end, open to both corridors, reaches beyond them [m]."""
 SOUTH, CORRIDOR_A, CORRIDOR_B, NORTH = (0.0, 5.0), (5.0, 7.0), (12.5, 14.5), (14.5, 19.5)
 MIDDLE = (CORRIDOR_A[1], CORRIDOR_B[0])
 CROSS = 2.0
-"""Width of the two short corridors that join the long ones at their ends [m]."""
+"""Width of the short corridor that joins the long ones at their west end [m]."""
 CEILING = 2.5
 CLEARANCE = 0.42
 """Furniture keeps this far from the route [m]."""
@@ -77,7 +79,7 @@ def build(rng: np.random.Generator) -> Setup:
 
 
 def draw_rooms(rng: np.random.Generator) -> Rooms:
-    """Twenty rooms, each with a door to the corridor beside it; one in the middle leads from A to B."""
+    """Seventeen rooms, each with a door to the corridor beside it; one in the middle leads from A to B."""
 
     def row(x: Array, y: tuple[float, float], door_walls: list[list[float]]) -> tuple[Room, ...]:
         return tuple(
@@ -85,35 +87,44 @@ def draw_rooms(rng: np.random.Generator) -> Rooms:
             for a, b, walls in zip(x[:-1], x[1:], door_walls, strict=True)
         )
 
-    outer, inner = np.linspace(0.0, LENGTH, 8), np.linspace(CROSS, LENGTH - CROSS, 7)
+    outer, inner = np.linspace(0.0, LENGTH, 7), np.linspace(CROSS, LENGTH, 6)
     to_a, to_b = MIDDLE
     return Rooms(
-        row(outer, SOUTH, [[CORRIDOR_A[0]]] * 7),
-        row(inner, MIDDLE, [[to_a], [to_b], [to_a, to_b], [to_a], [to_b], [to_a]]),
-        row(outer, NORTH, [[CORRIDOR_B[1]]] * 7),
+        row(outer, SOUTH, [[CORRIDOR_A[0]]] * 6),
+        row(inner, MIDDLE, [[to_a], [to_b], [to_a, to_b], [to_b], [to_a]]),
+        row(outer, NORTH, [[CORRIDOR_B[1]]] * 6),
     )
 
 
 def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
-    """Waypoints ``(K, 2)`` m: two loops that share a room in the middle, and visits to four others."""
+    """Waypoints ``(K, 2)`` m: two loops that share the hall, with visits to three rooms and one walked through."""
     a, b = 0.5 * sum(CORRIDOR_A), 0.5 * sum(CORRIDOR_B)
-    west, east = 0.5 * CROSS, LENGTH - 0.5 * CROSS
     through = rooms.middle[2]
-    first_south, first_north = rng.choice(2), rng.choice(3)
-    last = rng.choice([rooms.south[4], rooms.south[5], rooms.middle[3], rooms.middle[5]])
-    last_north = rng.choice([4, 5, 6])
-    legs: list[list[Array]] = [[np.array([west, a])]]
-    legs.append(_visit(rooms.south[first_south], a, rng, apart=1.3))
-    legs.append(_pass(through, a, b))
-    legs.append(_visit(rooms.north[first_north], b, rng))
-    legs.append([np.array([west, b]), np.array([west, a])])
-    legs.append(_visit(last, a, rng))
-    legs.append([np.array([east, a]), np.array([east, b])])
-    legs.append(_visit(rooms.north[last_north], b, rng))
-    legs.append(_pass(through, b, a))
-    legs.append([np.array([west, a])])
+    legs = [
+        [np.array([rng.uniform(11.0, 13.0), a])],
+        _visit(rooms.south[rng.choice([3, 4])], a, rng, apart=1.3),
+        _cross_hall(a, b, rng),
+        _visit(rooms.north[rng.choice([0, 1, 2, 3])], b, rng),
+        [np.array([0.5 * CROSS, b]), np.array([0.5 * CROSS, a])],
+        _visit(rng.choice([rooms.south[0], rooms.south[1], rooms.middle[0]]), a, rng),
+        _pass(through, a, b),
+        _cross_hall(b, a, rng),
+        [np.array([rng.uniform(7.0, 10.0), a])],
+    ]
     waypoints = np.array([point for leg in legs for point in leg])
     return waypoints + rng.uniform(-0.08, 0.08, waypoints.shape)
+
+
+def _cross_hall(corridor: float, other: float, rng: np.random.Generator) -> list[Array]:
+    """From one corridor to the other through the middle of the hall."""
+    x = LENGTH + 0.5 * HALL + rng.uniform(-0.3, 0.3)
+    inwards = np.sign(other - corridor)
+    return [
+        np.array([LENGTH + 0.5, corridor]),
+        np.array([x, corridor + 1.5 * inwards]),
+        np.array([x, other - 1.5 * inwards]),
+        np.array([LENGTH + 0.5, other]),
+    ]
 
 
 def _visit(room: Room, corridor: float, rng: np.random.Generator, apart: float = 0.8) -> list[Array]:
@@ -144,23 +155,27 @@ def _pass(room: Room, corridor: float, other: float) -> list[Array]:
 
 def _walls(rooms: Rooms) -> list[Prism]:
     prisms: list[Prism] = []
-    for y in (SOUTH[0], NORTH[1]):
-        prisms += wall([0.0, y], [LENGTH, y])
-    for x in (0.0, LENGTH):
-        prisms += wall([x, SOUTH[0]], [x, NORTH[1]])
+    far, (lower, upper) = LENGTH + HALL, (CORRIDOR_A[0], CORRIDOR_B[1])
+    for x, y0, y1 in (
+        (0.0, SOUTH[0], NORTH[1]),
+        (LENGTH, *SOUTH),
+        (LENGTH, *MIDDLE),
+        (LENGTH, *NORTH),
+        (far, lower, upper),
+    ):
+        prisms += wall([x, y0], [x, y1])
     for y, x0, x1 in (
-        (CORRIDOR_A[0], 0.0, LENGTH),
-        (MIDDLE[0], CROSS, LENGTH - CROSS),
-        (MIDDLE[1], CROSS, LENGTH - CROSS),
-        (CORRIDOR_B[1], 0.0, LENGTH),
+        (SOUTH[0], 0.0, LENGTH),
+        (lower, 0.0, far),
+        (MIDDLE[0], CROSS, LENGTH),
+        (MIDDLE[1], CROSS, LENGTH),
+        (upper, 0.0, far),
+        (NORTH[1], 0.0, LENGTH),
     ):
         doors = [Door(room.doors[y] - x0) for room in rooms.all if y in room.doors]
         prisms += wall([x0, y], [x1, y], doors)
-    for row in (rooms.south, rooms.north):
-        for room in row[1:]:
-            prisms += wall([room.x0, room.y[0]], [room.x0, room.y[1]])
-    for x in [room.x0 for room in rooms.middle] + [rooms.middle[-1].x1]:
-        prisms += wall([x, MIDDLE[0]], [x, MIDDLE[1]])
+    for room in (*rooms.south[1:], *rooms.middle, *rooms.north[1:]):
+        prisms += wall([room.x0, room.y[0]], [room.x0, room.y[1]])
     return prisms
 
 
@@ -186,13 +201,13 @@ def _furniture(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Pri
         placed += furnish(Area(room.x0, room.y[0], room.x1, room.y[1]), kinds, keep_clear, CLEARANCE, rng)
     for y in (CORRIDOR_A, CORRIDOR_B):
         kinds = rng.choice(["crate", "trolley"], 4, p=[0.75, 0.25])
-        placed += furnish(Area(CROSS, y[0], LENGTH - CROSS, y[1]), kinds, keep_clear, CLEARANCE, rng)
+        placed += furnish(Area(CROSS, y[0], LENGTH, y[1]), kinds, keep_clear, CLEARANCE, rng)
     return placed
 
 
 def _hazards(rooms: Rooms, route: Array, rng: np.random.Generator) -> Terrain:
     """Sills in the doors, heaps of rubble on the route, and one ledge to fall from."""
-    terrain = Terrain.level([-0.5, -0.5], [LENGTH + 0.5, NORTH[1] + 0.5])
+    terrain = Terrain.level([-0.5, -0.5], [LENGTH + HALL + 0.5, NORTH[1] + 0.5])
     for room in rooms.all:
         for y, x in room.doors.items():
             terrain = terrain.with_sill([x - 0.5, y], [x + 0.5, y], rng.uniform(*SILL_HEIGHT), SILL_DEPTH)

@@ -26,8 +26,8 @@ def _icp() -> FrontendConfig:
 
 @dataclass(frozen=True)
 class MethodConfig:
-    """Settings of the methods: ``manifold`` and ``segmentation`` serve wsm and htms, ``frontend``, ``loops`` and
-    ``bundle`` serve slamstitch, ``icp`` is the baseline's front end."""
+    """Settings of the methods: ``manifold`` and ``segmentation`` serve wsm and htms, ``frontend``,
+    ``loops`` and ``bundle`` serve slamstitch, ``icp`` is the baseline's front end."""
 
     manifold: FrontendConfig = MANIFOLD_SLAM
     segmentation: SegmentationConfig = field(default_factory=lambda: SegmentationConfig(least_steps=5))

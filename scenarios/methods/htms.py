@@ -1,4 +1,5 @@
-"""The report's method (Formsma): cut ManifoldSLAM's map where nothing matched, stitch the pieces in their order."""
+"""The report's method (Formsma): cut ManifoldSLAM's map where nothing matched, stitch the pieces in their
+order."""
 
 from __future__ import annotations
 
@@ -20,9 +21,11 @@ UNREAD = np.eye(3)
 
 
 def stitch_in_sequence(recording: Recording, config: MethodConfig) -> Estimate:
-    """Each piece is stitched to the map made of all pieces before it; the smallest rotation wins (report §4.3).
+    """Each piece is stitched to the map made of all pieces before it; the smallest rotation wins (report
+    §4.3).
 
-    A lost scan stays with the piece before it; a piece that cannot be stitched stays where ManifoldSLAM had it.
+    A lost scan stays with the piece before it; a piece that cannot be stitched stays where ManifoldSLAM
+    had it.
     """
     found = track(recording, config.manifold)
     scans = scans_of(recording)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -22,11 +23,11 @@ from stitch.verification import Acceptance
 class LoopConfig:
     """How loops are sought.
 
-    A submap spans ``length`` m of drive. Each is stitched to at most ``candidates`` earlier ones whose middles may lie
-    within ``reach`` m, no two of them closer than ``spread`` submaps along the drive. The search window grows with
-    the graph distance: ``window`` (m at distance zero, m per m, most m), ``window_ins`` for an INS, and
-    ``window_angle`` likewise in rad. ``trusted_edge`` m is how long an accepted loop counts in that distance, ``broken_edge`` m what a failure adds
-    to it.
+    A submap spans ``length`` m of drive. Each is stitched to at most ``candidates`` earlier ones whose
+    middles may lie within ``reach`` m, no two of them closer than ``spread`` submaps along the drive. The
+    search window grows with the graph distance: ``window`` (m at distance zero, m per m, most m),
+    ``window_ins`` for an INS, and ``window_angle`` likewise in rad. ``trusted_edge`` m is how long an
+    accepted loop counts in that distance, ``broken_edge`` m what a failure adds to it.
     """
 
     length: float = 3.0
@@ -44,7 +45,8 @@ class LoopConfig:
 
 @dataclass(frozen=True)
 class Closed:
-    """The graph over submap anchors with its loops, the poses and weights it settled on, and every stitch tried."""
+    """The graph over submap anchors with its loops, the poses and weights it settled on, and every stitch
+    tried."""
 
     graph: PoseGraph
     poses: Array
@@ -59,8 +61,8 @@ class _Search:
         self.window = config.window_ins if source == "ins" else config.window
         self.results: dict[tuple[int, int], Stitch | NoStitch] = {}
         self.poses = backbone.poses
-        self.weights = np.zeros(0)
-        broken = np.array([a.stop != b.start for a, b in zip(submaps, submaps[1:], strict=False)], dtype=float)
+        self.weights: Array = np.zeros(0)
+        broken = np.array([a.stop != b.start for a, b in pairwise(submaps)], dtype=float)
         walked = np.linalg.norm(np.diff(backbone.poses[:, :2], axis=0), axis=1)
         self.steps = walked + config.broken_edge * broken
         self.middles = np.array([submap.points.points.mean(axis=0) for submap in submaps])
@@ -76,7 +78,9 @@ class _Search:
         rows = [*range(k - 1), *(pair[0] for pair in trusted)]
         columns = [*range(1, k), *(pair[1] for pair in trusted)]
         lengths = [*np.maximum(self.steps, 1e-6), *[self.config.trusted_edge] * len(trusted)]
-        return dijkstra(coo_array((lengths, (rows, columns)), shape=(k, k)).tocsr(), directed=False, indices=b)
+        return dijkstra(
+            coo_array((lengths, (rows, columns)), shape=(k, k)).tocsr(), directed=False, indices=b
+        )
 
     def reach(self, distance: Array | float) -> Array:
         """Half width [m] of the search at a graph distance [m]."""
@@ -84,7 +88,8 @@ class _Search:
         return np.minimum(base + slope * np.asarray(distance), most)
 
     def candidates(self, b: int) -> list[int]:
-        """Earlier submaps worth trying: the one across a failure, then the nearest, spread along the drive."""
+        """Earlier submaps worth trying: the one across a failure, then the nearest, spread along the
+        drive."""
         middles = se2.transform(self.poses[: b + 1], self.middles[: b + 1, None])[:, 0]
         apart = np.linalg.norm(middles[:b] - middles[b], axis=1)
         near = apart <= self.config.reach + self.reach(self.distances(b)[:b])
@@ -108,7 +113,9 @@ class _Search:
         found = self.accepted()
         pairs = np.array([pair for pair, _ in found], dtype=np.int64).reshape(-1, 2)
         T_ab = np.array([stitch.T_a_b for _, stitch in found]).reshape(-1, 3)
-        information = np.array([np.linalg.inv(stitch.covariance) for _, stitch in found]).reshape(-1, 3, 3)
+        information = np.array([np.linalg.inv(np.asarray(stitch.covariance)) for _, stitch in found]).reshape(
+            -1, 3, 3
+        )
         return self.backbone.with_loops(pairs, T_ab, information)
 
     def settle(self) -> None:
@@ -118,15 +125,20 @@ class _Search:
 
 
 def close(submaps: list[Submap], backbone: PoseGraph, source: str, config: LoopConfig) -> Closed:
-    """Stitch submaps to earlier ones in the order of the drive, re-optimising whenever a stitch was found.
+    """Stitch submaps to earlier ones in the order of the drive, re-optimising whenever a stitch was
+    found.
 
-    ``backbone`` is the graph over the submaps' anchors, node k = submap k; ``source`` tells an INS from odometry.
+    ``backbone`` is the graph over the submaps' anchors, node k = submap k; ``source`` tells an INS from
+    odometry.
     """
     search = _Search(submaps, backbone, source, config)
     for _ in range(config.rounds):
         asked = len(search.results)
         for b in range(1, len(submaps)):
-            tried = {(a, b): align(submaps[a], submaps[b], search.prior(a, b), config.align) for a in search.candidates(b)}
+            tried = {
+                (a, b): align(submaps[a], submaps[b], search.prior(a, b), config.align)
+                for a in search.candidates(b)
+            }
             search.results.update(tried)
             if any(isinstance(result, Stitch) for result in tried.values()):
                 search.settle()

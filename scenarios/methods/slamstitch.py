@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import close
 from slam import bundle, chain, keyframes, se2
 from slam.frontend import track
-from slam.posegraph import optimise
+from slam.posegraph import marginals, optimise
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.segmentation import Segment, segments
@@ -20,24 +21,27 @@ from slam.track import Track, Verdict
 
 
 def run(recording: Recording, config: MethodConfig) -> Estimate:
-    """Track the drive, cut it into submaps, stitch them where they meet, let the graph decide, adjust the bundle."""
+    """Track the drive, cut it into submaps, stitch them where they meet, let the graph decide, adjust the
+    bundle."""
     scans = scans_of(recording)
     found = track(recording, config.frontend)
     matched = found.verdict != Verdict.FELL_BACK
     drawn = np.array([k for k in keyframes.choose(found.poses) if matched[k]])
     stretches = chop(found, segments(found, config.segmentation), config.loops.length)
-    submaps = [cut(recording, scans, found.poses, s.start, s.stop, np.union1d(drawn, s.start)) for s in stretches]
+    submaps = [
+        cut(recording, scans, found.poses, s.start, s.stop, np.union1d(drawn, s.start)) for s in stretches
+    ]
     anchors = np.array([s.start for s in stretches])
     closed = close(submaps, chain.backbone(recording, found, anchors), recording.source, config.loops)
     poses = keyframes.carry(found.poses, anchors, closed.poses)
     rows = keyframes.choose(poses)
     reckoned = chain.reckoning(recording, poses, rows)
     graph = bundle.adjust([scans[k] for k in rows], reckoned, matched[rows], config.bundle)
-    settled = optimise(graph, "none", marginals=True)
+    settled = optimise(graph, "none")
     return Estimate(
         "slamstitch",
         keyframes.carry(poses, rows, settled.poses),
-        covariance=settled.marginals[keyframes.nearest(rows, len(recording))],
+        covariance=marginals(graph, settled)[keyframes.nearest(rows, len(recording))],
         track=found,
         submaps=tuple(submaps),
         stitches=closed.tried,
@@ -54,6 +58,5 @@ def chop(found: Track, stretches: tuple[Segment, ...], length: float) -> list[Se
         count = max(1, round(float(path[-1]) / length))
         bounds = np.searchsorted(path, np.linspace(0.0, path[-1], count + 1)[1:-1])
         edges = np.unique([0, *bounds.tolist(), len(path)])
-        pieces += [Segment(stretch.start + int(a), stretch.start + int(b)) for a, b in zip(edges[:-1], edges[1:])]
+        pieces += [Segment(stretch.start + int(a), stretch.start + int(b)) for a, b in pairwise(edges)]
     return pieces
-

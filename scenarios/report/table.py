@@ -70,7 +70,9 @@ def print_table(table: Table, title: str) -> None:
     from rich.console import Console
 
     console, output = Console(), to_rich(table, title)
-    console.width = max(console.width, console.measure(output, options=console.options.update(width=9999)).minimum)
+    console.width = max(
+        console.width, console.measure(output, options=console.options.update(width=9999)).minimum
+    )
     console.print(output)
 
 

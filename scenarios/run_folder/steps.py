@@ -31,7 +31,9 @@ def write_steps(path: Path, recording: Recording, estimates: Sequence[Estimate])
             writer.writerows(_rows(method, track, recording, measures))
 
 
-def _rows(method: str, track: Track, recording: Recording, measures: Sequence[str]) -> Iterator[tuple[object, ...]]:
+def _rows(
+    method: str, track: Track, recording: Recording, measures: Sequence[str]
+) -> Iterator[tuple[object, ...]]:
     absent = np.full(len(track), np.nan)
     numbers = [*_errors(track, recording), *(track.confidence.get(name, absent) for name in measures)]
     return zip(

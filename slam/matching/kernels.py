@@ -19,12 +19,14 @@ STILL, SETTLED = 1e-4, 5e-3
 pairs counts as converged."""
 
 SIDE_COSINE = 0.7
-"""Two surfaces whose oriented normals differ by more than 45° are not the same (both faces of a thin wall)."""
+"""Two surfaces whose oriented normals differ by more than 45° are not the same (both faces of a thin
+wall)."""
 
 
 @njit(cache=True)
 def correspondences(reference, reference_index, scan, scan_index, pose, radius, mutual):
-    """Row of the reference point paired with each scan point, -1 for none; mutual nearest neighbours if asked."""
+    """Row of the reference point paired with each scan point, -1 for none; mutual nearest neighbours if
+    asked."""
     pairs = np.full(len(scan), -1, np.int64)
     c, s = np.cos(pose[2]), np.sin(pose[2])
     for i in range(len(scan)):
@@ -70,8 +72,8 @@ def _pair_weight(method, normal, scan_normal, covariance, c, s, sigma):
 def normal_equations(method, reference, scan, pairs, pose, sigma, robust):
     """Information Λ (3, 3), gradient (3,), pairs used, Σ robust eᵀWe and Σ weights at one pose.
 
-    ``reference`` and ``scan`` are tuples (points, normals, covariance, tangent_sigma). A pair's weight is scaled
-    by 1 / (1 + χ²/robust) (Cauchy); ``robust`` = inf for none.
+    ``reference`` and ``scan`` are tuples (points, normals, covariance, tangent_sigma). A pair's weight is
+    scaled by 1 / (1 + χ²/robust) (Cauchy); ``robust`` = inf for none.
     """
     points, normals, covariance, _ = reference
     scan_points, scan_normals, scan_covariance, _ = scan
@@ -163,7 +165,8 @@ def fade_weak(information, gradient, total, length, threshold):
 
 @njit(cache=True)
 def solve_good_directions(information, gradient, length, ratio):
-    """Λ⁻¹ g along well-determined eigenvectors only; directions below ``ratio`` of the strongest are frozen."""
+    """Λ⁻¹ g along well-determined eigenvectors only; directions below ``ratio`` of the strongest are
+    frozen."""
     scale = np.array([1.0, 1.0, 1.0 / length])
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     step = np.zeros(3)
@@ -215,10 +218,11 @@ def iterate(method, reference, reference_index, scan, scan_index, guess, prior, 
 def linearise_pairs(cloud, offsets, lattice, first_offsets, pairs, guesses, radius, robust, fade, length):
     """One Gauss–Newton step, point to line, for each of many pairs of scans packed into one cloud.
 
-    ``cloud`` is (points, normals, covariance, tangent_sigma) of all scans, scan k in rows ``offsets[k]:offsets[k+1]``;
-    ``lattice`` is (low, cell, columns, rows, first, order) of their indices, ``first`` cut at ``first_offsets``.
-    ``pairs (P, 2)`` reference and scan, ``guesses (P, 3)``. Returns the relative poses after the step ``(P, 3)``, the
-    information in the reference's frame ``(P, 3, 3)`` with weak directions faded, and the pairs of points ``(P,)``.
+    ``cloud`` is (points, normals, covariance, tangent_sigma) of all scans, scan k in rows
+    ``offsets[k]:offsets[k+1]``; ``lattice`` is (low, cell, columns, rows, first, order) of their indices,
+    ``first`` cut at ``first_offsets``. ``pairs (P, 2)`` reference and scan, ``guesses (P, 3)``. Returns
+    the relative poses after the step ``(P, 3)``, the information in the reference's frame ``(P, 3, 3)``
+    with weak directions faded, and the pairs of points ``(P,)``.
     """
     points, normals, covariance, tangent_sigma = cloud
     low, cell, columns, rows, first, order = lattice

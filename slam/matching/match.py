@@ -23,9 +23,10 @@ LEAST_INFORMATION = 1.0
 class MatchConfig:
     """Settings of the matcher.
 
-    ``radii`` m are the correspondence distances, coarse to fine; ``robust`` the χ² at which a pair's weight has
-    halved; ``mutual`` asks for mutual nearest neighbours; ``fade`` is the mean information below which a
-    direction fades out (0: never); ``least_pairs`` the pairs an answer needs; ``sigma`` m weighs ICP's pairs.
+    ``radii`` m are the correspondence distances, coarse to fine; ``robust`` the χ² at which a pair's
+    weight has halved; ``mutual`` asks for mutual nearest neighbours; ``fade`` is the mean information
+    below which a direction fades out (0: never); ``least_pairs`` the pairs an answer needs; ``sigma`` m
+    weighs ICP's pairs.
     """
 
     radii: tuple[float, ...] = (0.5, 0.3)
@@ -43,10 +44,10 @@ class MatchConfig:
 class Match:
     """A relative pose and how sure the matcher is of it.
 
-    ``T_reference_scan (3,)``; ``covariance (3, 3)`` in the body frame of the scan; ``information (3, 3)`` of
-    additive (x, y, yaw) errors in the reference frame, faded and possibly singular, for those who add it to other
-    information; ``n_matches`` pairs of the last iteration; ``residual_rms`` √(Σ eᵀWe / (2n − 3));
-    ``information_eigenvalues (3,)`` of the scaled Λ, ascending.
+    ``T_reference_scan (3,)``; ``covariance (3, 3)`` in the body frame of the scan; ``information (3, 3)``
+    of additive (x, y, yaw) errors in the reference frame, faded and possibly singular, for those who add
+    it to other information; ``n_matches`` pairs of the last iteration; ``residual_rms`` √(Σ eᵀWe / (2n −
+    3)); ``information_eigenvalues (3,)`` of the scaled Λ, ascending.
     """
 
     T_reference_scan: Array
@@ -101,9 +102,9 @@ def match(
     """Pose of ``scan`` in the frame of ``reference``, starting at ``guess (3,)``.
 
     ``prior_information (3, 3)`` weighs the guess itself (additive errors, reference frame). The joint
-    Gauss–Newton solution of Pfister's weighted cost (2002); ``icp`` weighs all pairs alike, ``plicp`` counts the
-    component along the reference's normal only. Raises ``ValueError`` on a guess that is not three finite numbers
-    or an unknown method.
+    Gauss–Newton solution of Pfister's weighted cost (2002); ``icp`` weighs all pairs alike, ``plicp``
+    counts the component along the reference's normal only. Raises ``ValueError`` on a guess that is not
+    three finite numbers or an unknown method.
     """
     from slam.matching import kernels
 

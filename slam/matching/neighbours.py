@@ -11,7 +11,8 @@ MOST_CELLS = 200_000
 
 @njit(cache=True)
 def build(points, cell):
-    """Index of ``points (n, 2)`` m on a lattice of ``cell`` m: origin, cell, shape, first row per cell, rows."""
+    """Index of ``points (n, 2)`` m on a lattice of ``cell`` m: origin, cell, shape, first row per cell,
+    rows."""
     low = np.array([points[:, 0].min(), points[:, 1].min()])
     extent_x, extent_y = points[:, 0].max() - low[0], points[:, 1].max() - low[1]
     while (extent_x / cell + 1.0) * (extent_y / cell + 1.0) > MOST_CELLS:

@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 
 from scenarios.evaluation.relations import (
+    ALL,
+    CLEAR,
     carry,
     relation_metrics,
     relation_pairs,
@@ -128,7 +130,15 @@ def test_revisits_are_thinned_alike_every_time():
 def test_true_poses_fulfil_the_relations_from_truth():
     truth = np.random.default_rng(1).normal(0, 3, (50, 3))
     v = values(truth, recording(truth, truth=truth))
-    assert all(value == pytest.approx(0.0, abs=1e-6) for value in v.values())
+    assert all(v[name] == pytest.approx(0.0, abs=1e-6) for name in ALL)
+
+
+def test_relations_from_truth_have_no_ambiguous_stamps():
+    truth = line([0, 1, 2])
+    rec = recording(truth, truth=truth)
+    clear = [m for m in relation_metrics("x", truth, rec, relation_pairs(rec)) if m.name in CLEAR]
+    assert len(clear) == 4
+    assert {m.reason for m in clear} == {"relations made from truth have no ambiguous stamps"}
 
 
 def test_neither_relations_nor_truth_is_a_reason():

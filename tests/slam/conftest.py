@@ -39,7 +39,9 @@ def corridor() -> Array:
 def look() -> Callable[..., Scan]:
     """Scan in the robot's frame, seen from a pose among walls; noise-free without a generator."""
 
-    def look(walls: Array, pose: Array, rng: np.random.Generator | None = None, angles: Array = ANGLES) -> Scan:
+    def look(
+        walls: Array, pose: Array, rng: np.random.Generator | None = None, angles: Array = ANGLES
+    ) -> Scan:
         ranges = Raycaster.from_segments(walls).cast([pose], angles, LASER.range_max)[0]
         noise = 0.0 if rng is None else rng.normal(0.0, LASER.sigma_range, ranges.shape)
         return Scan.from_ranges(ranges + noise, angles, LASER)

@@ -26,7 +26,9 @@ def reckoned(poses: Array, source: str) -> Recording:
     return Recording("test", np.arange(n), np.ones((n, 1)), np.zeros(1), Laser(), np.array(poses), source)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("source", "expected"), [("ins", [11.0, 5.0, 1.67]), ("odometry", [10.0, 6.0, 1.67])])
+@pytest.mark.parametrize(
+    ("source", "expected"), [("ins", [11.0, 5.0, 1.67]), ("odometry", [10.0, 6.0, 1.67])]
+)
 def test_a_robot_whose_yaw_is_off_by_a_quarter_turn(source: str, expected: list[float]) -> None:
     recording = reckoned([[0.0, 0.0, 0.0], [1.0, 0.0, 0.1]], source)
     before = np.array([10.0, 5.0, 1.57])
@@ -78,7 +80,8 @@ def test_known_variances() -> None:
     )
     turn = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5]]
     np.testing.assert_allclose(
-        np.diag(dead_reckoning.step_covariance(reckoned(turn, "odometry"), 0, 1)), [1e-4, 1e-4, 1e-4 + 0.05**2]
+        np.diag(dead_reckoning.step_covariance(reckoned(turn, "odometry"), 0, 1)),
+        [1e-4, 1e-4, 1e-4 + 0.05**2],
     )
 
 

@@ -134,9 +134,7 @@ def test_no_match_says_why(room: Array, look: Look) -> None:
         ({"covariance": "hessian"}, "covariance"),
     ],
 )
-def test_wrong_arguments_are_named(
-    room: Array, look: Look, arguments: dict[str, object], named: str
-) -> None:
+def test_wrong_arguments_are_named(room: Array, look: Look, arguments: dict[str, object], named: str) -> None:
     scan = look(room, FROM)
     with pytest.raises(ValueError, match=f"^{named}: expected"):
         match(scan, scan, **{"guess": np.zeros(3), **arguments})  # type: ignore[arg-type]
@@ -303,7 +301,9 @@ def test_twin_of_correspondences(room: Array, look: Look, mutual: bool, radius: 
     np.testing.assert_array_equal(cKDTree(reference.points).query(moved)[1][pairs >= 0], pairs[pairs >= 0])
 
 
-def plain_pair(method: str, reference: Scan, scan: Scan, j: int, i: int, pose: Array) -> tuple[Array, Array, Array]:
+def plain_pair(
+    method: str, reference: Scan, scan: Scan, j: int, i: int, pose: Array
+) -> tuple[Array, Array, Array]:
     """Error e (2,), Jacobian H (2, 3) and weight W (2, 2) of one pair as the equations have them."""
     R = se2.rotation(pose[2])
     p = R @ scan.points[i]

@@ -34,7 +34,9 @@ def assert_found(points: Array, cell: float, x: float, y: float, radius: float) 
 
 
 @quick
-@given(cloud, coordinate, coordinate, st.sampled_from([0.05, 0.1, 0.37, 5.0]), st.sampled_from([0.15, 0.5, 4.0]))
+@given(
+    cloud, coordinate, coordinate, st.sampled_from([0.05, 0.1, 0.37, 5.0]), st.sampled_from([0.15, 0.5, 4.0])
+)
 def test_twin(points: Array, x: float, y: float, cell: float, radius: float) -> None:
     assert_found(points, cell, x, y, radius)
 

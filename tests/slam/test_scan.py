@@ -39,7 +39,9 @@ def assert_same(a: Scan, b: Scan, atol: float = 1e-9) -> None:
 def test_a_wall_ahead() -> None:
     scan = wall_scan()
     assert len(scan) == len(ANGLES)
-    np.testing.assert_allclose(scan.points, np.stack([np.full(41, 2.0), 2.0 * np.tan(ANGLES)], -1), atol=1e-12)
+    np.testing.assert_allclose(
+        scan.points, np.stack([np.full(41, 2.0), 2.0 * np.tan(ANGLES)], -1), atol=1e-12
+    )
     np.testing.assert_allclose(np.abs(scan.tangents), np.tile([0.0, 1.0], (41, 1)), atol=1e-6)
     np.testing.assert_allclose(scan.normals, np.tile([-1.0, 0.0], (41, 1)), atol=1e-6)
 
@@ -88,7 +90,9 @@ def test_normals_look_at_the_sensor(room: Array, look: Callable[..., Scan]) -> N
     assert np.all(np.linalg.eigvalsh(scan.covariance) > 0.0)
 
 
-@pytest.mark.parametrize(("ranges", "angles"), [(np.ones(5), np.zeros(4)), (np.ones((2, 4)), np.zeros((2, 4)))])
+@pytest.mark.parametrize(
+    ("ranges", "angles"), [(np.ones(5), np.zeros(4)), (np.ones((2, 4)), np.zeros((2, 4)))]
+)
 def test_shapes_that_disagree_are_refused(ranges: Array, angles: Array) -> None:
     with pytest.raises(ValueError, match=r"ranges and angles: expected equal \(B,\)"):
         Scan.from_ranges(ranges, angles, Laser())

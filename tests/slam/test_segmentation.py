@@ -59,7 +59,9 @@ def test_only_runs_of_zeros_cut(confident: Confident) -> None:
 
 def test_a_skipped_scan_neither_ends_nor_makes_a_run(confident: Confident) -> None:
     drive = confident([NAN, 1, INF, NAN, INF, 1, INF, NAN, 1])
-    np.testing.assert_array_equal(np.flatnonzero(lost_steps(drive, SegmentationConfig(rule="zero_run"))), [2, 4])
+    np.testing.assert_array_equal(
+        np.flatnonzero(lost_steps(drive, SegmentationConfig(rule="zero_run"))), [2, 4]
+    )
 
 
 def test_the_threshold_is_exclusive(confident: Confident) -> None:

@@ -10,7 +10,13 @@ from scipy.integrate import quad
 
 from slam import se2
 from slam.se2 import Array
-from slam.surface import NO_TANGENT_INCIDENCE, REACH, correspondence_variance, point_covariances, tangents_of_beams
+from slam.surface import (
+    NO_TANGENT_INCIDENCE,
+    REACH,
+    correspondence_variance,
+    point_covariances,
+    tangents_of_beams,
+)
 
 quick = settings(deadline=None, max_examples=60, derandomize=True)
 
@@ -29,10 +35,14 @@ def modulo_half_turn(angle: Array) -> Array:
 @given(st.floats(-np.pi, np.pi), st.floats(0.3, 10.0))
 def test_a_straight_wall(direction: float, distance: float) -> None:
     along = np.arange(-10, 11)[:, None] * 0.05 * [np.cos(direction), np.sin(direction)]
-    found, deviation = tangents(along + distance * np.array([-np.sin(direction), np.cos(direction)]), radius=0.28)
+    found, deviation = tangents(
+        along + distance * np.array([-np.sin(direction), np.cos(direction)]), radius=0.28
+    )
     np.testing.assert_allclose(modulo_half_turn(found - direction), 0.0, atol=1e-6)
     # 11 points (5 on either side lie within 0.28 m), 5 cm apart: scatter 0.05² · Σ k².
-    assert deviation[10] == pytest.approx(SIGMA / np.sqrt(0.05**2 * 2 * np.sum(np.arange(1, 6) ** 2)), rel=1e-6)
+    assert deviation[10] == pytest.approx(
+        SIGMA / np.sqrt(0.05**2 * 2 * np.sum(np.arange(1, 6) ** 2)), rel=1e-6
+    )
 
 
 def test_deviation_is_that_of_noisy_walls() -> None:
@@ -120,7 +130,9 @@ def hit(distance: float, incidence: float, beam: float) -> float:
 
 @quick
 @given(st.floats(0.1, 20.0), st.floats(0.1, np.pi / 2), st.sampled_from([0.25, 0.5, 1.0, 2.0]))
-def test_correspondence_variance_is_the_integral_over_the_gaps(l: float, incidence: float, degrees: float) -> None:  # noqa: E741
+def test_correspondence_variance_is_the_integral_over_the_gaps(
+    l: float, incidence: float, degrees: float
+) -> None:  # noqa: E741
     spacing = float(np.radians(degrees))
     ends = sorted([hit(l, incidence, spacing), hit(l, incidence, -spacing)])
     second_moment = quad(lambda s: s * s, *ends)[0] / (ends[1] - ends[0])
