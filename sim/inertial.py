@@ -26,7 +26,7 @@ class InertialConfig:
     """
 
     model: Model = "usarsim"
-    yaw_noise: float = 0.10
+    yaw_noise: float = 0.06
     position_noise: float = 0.06
     precision: float | None = None
     bias_walk: float = 0.0

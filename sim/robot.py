@@ -98,8 +98,8 @@ class Robot:
     def step(self, left: float, right: float, dt: float, rng: np.random.Generator) -> None:
         """Advance by ``dt`` s with these track speeds [m/s].
 
-        Afterwards ``impulse`` is the largest [N s] of the step, of a collision or a landing, and ``height`` the
-        robot's: the ground's mean under its footprint, or above it while it falls.
+        Afterwards ``impulse`` is the largest [N s] of the step, of a collision or a landing, and ``height``
+        the robot's: the ground's mean under its footprint, or above it while it falls.
         """
         height, forward, sideways = self._plane()
         self._push(left, right, forward, sideways)

@@ -29,7 +29,7 @@ class Scenario:
 _SCENARIOS = (
     Scenario(
         "hospital",
-        "Corridors, a hall, seventeen rooms; sills and rubble tilt the laser until the matcher loses its place.",
+        "Corridors, rooms and a hall; sills, rubble and a fall make the matcher lose its place.",
         "scenarios.catalogue.hospital:build",
     ),
 )

@@ -28,6 +28,8 @@ def run(recording: Recording, config: MethodConfig) -> Estimate:
     matched = found.verdict != Verdict.FELL_BACK
     drawn = np.array([k for k in keyframes.choose(found.poses) if matched[k]])
     stretches = chop(found, segments(found, config.segmentation), config.loops.length)
+    if not stretches:  # too little was matched to be a map
+        return Estimate("slamstitch", found.poses, track=found)
     submaps = [
         cut(recording, scans, found.poses, s.start, s.stop, np.union1d(drawn, s.start)) for s in stretches
     ]

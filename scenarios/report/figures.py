@@ -89,27 +89,28 @@ CONFIDENCE = (
 def confidence(estimate: Estimate) -> Figure:
     """The confidence of every match of an estimate's track over the drive.
 
-    Steps without a single match are red dots on the x axis, cuts between segments vertical lines (Formsma's
-    figure 5.3). Raises ``ValueError`` when the estimate has no track.
+    Steps without a single match are red dots on the x axis, cuts vertical lines: scans that belong to no segment
+    (Formsma's figure 5.3); where two segments touch, the drive was divided but not cut. Raises ``ValueError`` when the estimate has no track.
     """
     if estimate.track is None:
         raise ValueError(f"{estimate.method} has no track to draw the confidence of")
     track = estimate.track
     tried = ~np.isnan(track.confidence["trace2"])
     lost = np.flatnonzero(tried & (track.matches == 0))
+    cuts = [(a.stop, b.start - 1) for a, b in itertools.pairwise(estimate.submaps) if a.stop < b.start]
     figure, axes = grid(len(CONFIDENCE), 1, WIDTH - LEFT - RIGHT, 1.75, 0.0, 0.15)
     for ax, (name, label, scale) in zip(axes, CONFIDENCE, strict=True):
         values = track.matches.astype(float) if name == "matches" else track.confidence[name]
         _confidence_panel(ax, np.flatnonzero(tried), values[tried], lost, scale)
         ax.set_ylabel(label, fontsize=FONT["label"])
-        for before, after in itertools.pairwise(estimate.submaps):
-            ax.axvspan(before.stop - 0.5, after.start - 0.5, color=SKY, alpha=0.5, linewidth=1.5, zorder=0)
+        for first, last in cuts:
+            ax.axvspan(first - 0.5, last + 0.5, color=SKY, alpha=0.5, linewidth=1.5, zorder=0)
         ax.set_xlim(-0.5, len(track) - 0.5)
         ax.tick_params(labelbottom=ax is axes[-1])
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
     axes[0].set_title(
         f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, "
-        f"{max(len(estimate.submaps) - 1, 0)} cuts",
+        f"{len(cuts)} cuts",
         fontsize=FONT["title"],
         parse_math=False,
     )
@@ -189,6 +190,7 @@ def _tell_of_walls_outside(ax: Axes, cells: np.ndarray | None, view: View) -> No
 def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarray, scale: str) -> None:
     drawable = np.isfinite(values) & ((values > 0.0) if scale == "log" else True)
     ax.set_yscale(scale)
+    ax.yaxis.set_minor_formatter("")  # less than a decade would label every one of them, over each other
     ax.plot(scans, np.where(drawable, values, np.nan), color=BLACK, linewidth=0.5, marker=".", markersize=2.5)
     if not np.any(drawable):
         ax.text(0.5, 0.5, "no step was matched", transform=ax.transAxes, ha="center", fontsize=FONT["label"])

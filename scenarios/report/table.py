@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 ARROWS = {"lower": "↓", "higher": "↑", None: ""}
 ABSENT = "–"
+UNLIMITED = 10_000
+"""More columns than a table needs: the terminal may break its lines."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +71,7 @@ def print_table(table: Table, title: str) -> None:
     """The table on stdout, as wide as it needs to be: a number cut short would be a wrong number."""
     from rich.console import Console
 
-    console, output = Console(), to_rich(table, title)
-    console.width = max(
-        console.width, console.measure(output, options=console.options.update(width=9999)).minimum
-    )
-    console.print(output)
+    Console(width=UNLIMITED).print(to_rich(table, title))
 
 
 def to_rich(table: Table, title: str | None = None) -> rich.table.Table:

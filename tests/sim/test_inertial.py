@@ -83,16 +83,17 @@ def test_unknown_models_and_precisions_are_refused():
         InertialConfig(precision=0.0)
 
 
-def test_shocks_come_from_blows_and_drops_and_are_rare():
+def test_shocks_come_from_hard_blows_and_are_rare():
     time = 0.1 * np.arange(100)
-    impulse, height = np.zeros(100), np.zeros(100)
-    impulse[[10, 12, 80]] = 20.0, 20.0, 5.0  # the second falls into the rest of the first, the third is soft
-    height[:70] = 0.1  # falls 0.1 m within 0.1 s
-    config = ShockConfig(impulse=10.0, drop_speed=0.5, rest=5.0)
-    jumps = shocks(time, impulse, height, config, np.random.default_rng(0))
+    impulse = np.zeros(100)
+    impulse[[10, 12, 70, 80]] = 20.0, 20.0, 11.0, 5.0  # the second comes too soon, the last is soft
+    config = ShockConfig(impulse=10.0, rest=5.0)
+    jumps = shocks(time, impulse, config, np.random.default_rng(0))
     np.testing.assert_array_equal(np.flatnonzero(jumps.any(axis=1)), [10, 70])
-    many = np.array([shocks(time, impulse, height, config, np.random.default_rng(k))[10] for k in range(400)])
-    assert many.std(axis=0) == pytest.approx([config.jump] * 2, rel=0.1)
+    many = np.array([shocks(time, impulse, config, np.random.default_rng(k))[10] for k in range(200)])
+    assert np.all(np.abs(many) >= 0.8 * config.jump)
+    assert np.all(np.abs(many) <= 1.2 * config.jump)
+    assert np.abs(many.mean(axis=0)).max() < 0.2 * config.jump  # either way
 
 
 def test_attitude_is_noisy_truth_and_keeps_a_jump_in_roll():

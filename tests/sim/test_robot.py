@@ -62,6 +62,17 @@ def test_a_ramp_tilts_the_nose_up_and_a_side_slope_the_left():
     assert height == pytest.approx(0.1 * robot.pose[0] + 0.05 * robot.pose[1], abs=1e-3)
 
 
+def test_a_fall_from_a_ledge_is_felt_and_driving_over_a_sill_is_not():
+    """Free fall to the ground's height ends in m √(2 g h) at most: 24 kg, 0.3 m: 58 N s."""
+    ledge = Terrain.level([-1, -1], [5, 1], 0.05).with_ramp([0.5, 0.0], [1.5, 0.0], 1.0, 0.3)
+    robot, impulse = driven(World((), ledge), 8.0, 0.4)
+    assert robot.state[5] == 0.0
+    assert 14.0 < impulse < 58.0
+    sill = Terrain.level([-1, -1], [5, 1], 0.05).with_sill([1.0, -0.5], [1.0, 0.5], 0.06, 0.25)
+    _, impulse = driven(World((), sill), 8.0, 0.4)
+    assert impulse < 14.0
+
+
 def test_tilt_overshoots_as_a_second_order_system():
     """ζ = 0.4: overshoot exp(-πζ/√(1-ζ²)) = 25 % at t = π/(ω √(1-ζ²)) = 0.286 s."""
     tilt, path = Tilt(12.0, 0.4, 0.0), []

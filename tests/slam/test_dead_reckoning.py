@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 
 from slam import dead_reckoning, se2
 from slam.recording import Laser, Recording
@@ -21,9 +22,10 @@ pose = st.builds(
 SOURCES = ("ins", "odometry")
 
 
-def reckoned(poses: Array, source: str) -> Recording:
-    n = len(poses)
-    return Recording("test", np.arange(n), np.ones((n, 1)), np.zeros(1), Laser(), np.array(poses), source)  # type: ignore[arg-type]
+def reckoned(poses: ArrayLike, source: str) -> Recording:
+    at = np.array(poses)
+    n = len(at)
+    return Recording("test", np.arange(n), np.ones((n, 1)), np.zeros(1), Laser(), at, source)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

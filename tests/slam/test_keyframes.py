@@ -26,7 +26,7 @@ def drive(seed: int, n: int = 60) -> Array:
     rng = np.random.default_rng(seed)
     steps = np.column_stack([np.full(n, 0.05), np.zeros(n), rng.normal(0.0, 0.1, n)])
     steps[rng.random(n) < 0.2] = 0.0
-    poses = [np.zeros(3)]
+    poses: list[Array] = [np.zeros(3)]
     for step in steps[1:]:
         poses.append(se2.compose(poses[-1], step))
     return np.array(poses)
@@ -93,7 +93,7 @@ def test_before_the_first_and_after_the_last_follow_rigidly() -> None:
     poses = straight(11)
     corrected = np.array([[0.3, 1.0, 0.0], [0.7, 1.0, np.pi / 2]])
     carried = keyframes.carry(poses, np.array([3, 7]), corrected)
-    np.testing.assert_allclose(carried[:3], poses[:3] + [0.0, 1.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(carried[:3], poses[:3] + np.array([0.0, 1.0, 0.0]), atol=1e-9)
     np.testing.assert_allclose(carried[8:], [[0.7, 1.0 + d, np.pi / 2] for d in (0.1, 0.2, 0.3)], atol=1e-9)
 
 
@@ -101,3 +101,11 @@ def test_at_rest_a_correction_is_spread_over_the_scans() -> None:
     poses = np.zeros((5, 3))
     carried = keyframes.carry(poses, np.array([0, 4]), np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]]))
     np.testing.assert_allclose(carried[:, 0], [0.0, 0.1, 0.2, 0.3, 0.4], atol=1e-6)
+
+
+@pytest.mark.parametrize("rows", [[0], [0, 1], [0, 4, 5, 11], [3, 7]])
+def test_nearest_against_looking_at_all(rows: list[int]) -> None:
+    n = 12
+    found = keyframes.nearest(np.array(rows), n)
+    apart = np.abs(np.array(rows)[found] - np.arange(n))
+    np.testing.assert_array_equal(apart, [min(abs(k - row) for row in rows) for k in range(n)])

@@ -84,7 +84,7 @@ def test_a_reference_may_be_built_once(room: Array, look: Look) -> None:
 def test_the_yaw_comes_back_wrapped(room: Array, look: Look) -> None:
     scan = look(room, FROM)
     turn = np.array([0.0, 0.0, 3.1])
-    result = found(scan.transformed(turn), scan, turn + [0.0, 0.0, 2.0 * np.pi])
+    result = found(scan.transformed(turn), scan, turn + np.array([0.0, 0.0, 2.0 * np.pi]))
     np.testing.assert_allclose(result.T_reference_scan, turn, atol=1e-6)
 
 
@@ -285,7 +285,7 @@ def arrays(scan: Scan) -> tuple[Array, Array, Array, Array]:
 @pytest.mark.parametrize("radius", [0.05, 0.5])
 def test_twin_of_correspondences(room: Array, look: Look, mutual: bool, radius: float) -> None:
     reference, scan = pair(look, room)
-    pose = MOVED + [0.05, 0.05, 0.05]
+    pose = MOVED + 0.05
     moved = se2.transform(pose, scan.points)
     apart = np.linalg.norm(moved[:, None] - reference.points[None], axis=-1)
     expected = np.where(apart.min(axis=1) < radius, apart.argmin(axis=1), -1)
@@ -324,9 +324,10 @@ def plain_pair(
 @pytest.mark.parametrize("robust", [9.0, np.inf])
 def test_twin_of_normal_equations(room: Array, look: Look, method: str, robust: float) -> None:
     reference, scan = pair(look, room)
-    pose = MOVED + [0.02, 0.01, 0.02]
+    pose = MOVED + 0.02
     pairs = np.where(np.arange(len(scan)) % 4 == 0, -1, np.arange(len(scan)) % len(reference))
-    information, gradient, cost, total, used = np.zeros((3, 3)), np.zeros(3), 0.0, 0.0, 0
+    information, gradient, used = np.zeros((3, 3)), np.zeros(3), 0
+    cost = total = np.float64(0.0)
     for i, j in enumerate(pairs):
         if j < 0:
             continue
@@ -348,7 +349,7 @@ def test_twin_of_normal_equations(room: Array, look: Look, method: str, robust: 
 
 def test_twin_of_point_to_line_information(room: Array, look: Look) -> None:
     reference, scan = pair(look, room)
-    pose, robust = MOVED + [0.01, 0.0, 0.01], 9.0
+    pose, robust = MOVED + 0.01, 9.0
     pairs = np.where(np.arange(len(scan)) % 5 == 0, -1, np.arange(len(scan)) % len(reference))
     R, expected = se2.rotation(pose[2]), np.zeros((3, 3))
     for i, j in enumerate(pairs):

@@ -20,7 +20,8 @@ LOOP_SIGMAS = np.array([0.03, 0.03, np.radians(0.5)])
 
 def square(n: int = 60) -> Array:
     """True poses ``(n, 3)`` on two laps round a square, 1 m apart."""
-    pose, poses = np.zeros(3), []
+    pose: Array = np.zeros(3)
+    poses = []
     for k in range(n):
         poses.append(pose)
         turn = np.pi / 2 if k % 7 == 6 else 0.0

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slam.segmentation import Segment, SegmentationConfig, lost_steps, segments
 from slam.se2 import Array
+from slam.segmentation import Segment, SegmentationConfig, lost_steps, segments
 from slam.track import Track, Verdict
 
 quick = settings(deadline=None, max_examples=100, derandomize=True)

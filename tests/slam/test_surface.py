@@ -131,12 +131,12 @@ def hit(distance: float, incidence: float, beam: float) -> float:
 @quick
 @given(st.floats(0.1, 20.0), st.floats(0.1, np.pi / 2), st.sampled_from([0.25, 0.5, 1.0, 2.0]))
 def test_correspondence_variance_is_the_integral_over_the_gaps(
-    l: float, incidence: float, degrees: float
-) -> None:  # noqa: E741
+    distance: float, incidence: float, degrees: float
+) -> None:
     spacing = float(np.radians(degrees))
-    ends = sorted([hit(l, incidence, spacing), hit(l, incidence, -spacing)])
+    ends = sorted([hit(distance, incidence, spacing), hit(distance, incidence, -spacing)])
     second_moment = quad(lambda s: s * s, *ends)[0] / (ends[1] - ends[0])
-    assert correspondence_variance(l, incidence, spacing) == pytest.approx(second_moment, rel=1e-6)
+    assert correspondence_variance(distance, incidence, spacing) == pytest.approx(second_moment, rel=1e-6)
 
 
 def test_grazing_beams_stay_finite() -> None:

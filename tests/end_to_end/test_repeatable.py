@@ -1,0 +1,33 @@
+"""The same command twice gives the same numbers."""
+
+from __future__ import annotations
+
+import json
+
+COSTS = {"wall_s", "scans_per_s", "peak_mb"}
+
+
+def test_the_same_log_twice(done, command, drive, tmp_path):
+    again = command(drive, "--format", "json", "--out", tmp_path)
+    assert without_costs(again.stdout) == without_costs((done.folder / "metrics.json").read_text())
+    for name in ("recording.npz", "steps.csv", "segments.json", "stitches.json"):
+        assert (tmp_path / "drive-seed0" / name).read_bytes() == (done.folder / name).read_bytes()
+    for path in (done.folder / "trajectories").iterdir():
+        assert (tmp_path / "drive-seed0" / "trajectories" / path.name).read_bytes() == path.read_bytes()
+
+
+def test_the_same_seed_twice_and_another(command, tmp_path):
+    words = ("hospital", "--methods", "ins", "--format", "json", "--seed")
+    first, second, other = (
+        command(*words, seed, "--out", tmp_path / out) for seed, out in ((7, "a"), (7, "b"), (8, "c"))
+    )
+    assert first.code == second.code == other.code == 0
+    assert without_costs(first.stdout) == without_costs(second.stdout)
+    assert without_costs(first.stdout)["metrics"] != without_costs(other.stdout)["metrics"]
+
+
+def without_costs(text: str) -> dict:
+    content = json.loads(text)
+    content["metrics"] = [m for m in content["metrics"] if m["metric"] not in COSTS]
+    assert len(content["metrics"]) > 20
+    return content
