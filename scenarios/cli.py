@@ -6,6 +6,7 @@ import contextlib
 import difflib
 import io
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
@@ -17,23 +18,30 @@ from tyro.constructors import PrimitiveConstructorSpec
 Options = TypeVar("Options")
 
 
-class BadInput(ValueError):
+class BadInput(ValueError):  # noqa: N818
     """What the user gave cannot be used; the message is one line that says what was expected."""
 
 
 def main(options: type[Options], command: str, run: Callable[[Options], None]) -> int:
     """Parse the command line into ``options``, run, and return the exit code.
 
-    0 done, 2 bad input, 130 interrupted. Any other exception is a bug and shows its traceback (exit code 1).
+    0 done, 2 bad input, 130 interrupted, 141 when nobody reads the output any more. Any other exception is a
+    bug and shows its traceback (exit code 1).
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # an arrow that a terminal cannot show must not end a run
     try:
         run(parse(options, command))
+        sys.stdout.flush()
     except BadInput as error:
         print(f"{command}: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"{command}: interrupted", file=sys.stderr)
         return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains when it flushes
+        return 141
     return 0
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Source:
-    """A recording, what made it (``settings`` of its scenario, empty for a log), and what others answered for it."""
+    """A recording, the ``settings`` of its scenario (empty for a log), and what others answered for it."""
 
     recording: Recording
     settings: Mapping[str, object]
@@ -50,10 +50,10 @@ def simulated(name: str, seed: int) -> Source:
 
 
 def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
-    """A recording from a log, with the relations to score it against and the laser mount the user knows better.
+    """A recording from a log, with relations to score it against and the laser mount the user may know.
 
-    Answers of other systems are read where they lie beside the log. Raises `BadInput` for files that cannot be
-    read and for relations that match nothing.
+    Answers of other systems are read where they lie beside the log. Raises `BadInput` for files that cannot
+    be read and for relations that match nothing.
     """
     import numpy as np
 

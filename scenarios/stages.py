@@ -43,7 +43,7 @@ class Stages:
 
 
 def _forget_peak() -> None:
-    """Let Linux count the peak of resident memory anew; where that is not possible the peak is the process's."""
+    """Let Linux count the peak of resident memory anew; where it cannot, the peak is the process's."""
     reset = PROCESS / "clear_refs"
     if reset.exists():
         try:

@@ -89,8 +89,9 @@ CONFIDENCE = (
 def confidence(estimate: Estimate) -> Figure:
     """The confidence of every match of an estimate's track over the drive.
 
-    Steps without a single match are red dots on the x axis, cuts vertical lines: scans that belong to no segment
-    (Formsma's figure 5.3); where two segments touch, the drive was divided but not cut. Raises ``ValueError`` when the estimate has no track.
+    Steps without a single match are red dots on the x axis, cuts vertical lines: scans that belong to no
+    segment (Formsma's figure 5.3). Where two segments touch, the drive was divided but not cut. Raises
+    ``ValueError`` when the estimate has no track.
     """
     if estimate.track is None:
         raise ValueError(f"{estimate.method} has no track to draw the confidence of")
@@ -109,8 +110,7 @@ def confidence(estimate: Estimate) -> Figure:
         ax.tick_params(labelbottom=ax is axes[-1])
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
     axes[0].set_title(
-        f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, "
-        f"{len(cuts)} cuts",
+        f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, {len(cuts)} cuts",
         fontsize=FONT["title"],
         parse_math=False,
     )

@@ -17,8 +17,8 @@ from scenarios.run_folder.plain import dump
 
 MARK = "metrics.json"
 """A folder that holds this is a run, and may be replaced by a newer one."""
-NOT_OURS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR)
-"""Errors of the file system that the user can mend."""
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+"""What a file system says that takes no more, though it took the folder."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def prepare(out: Path, name: str) -> Iterator[Folder]:
         temporary = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=out))
         yield Folder(temporary, out / safe(name))
     except OSError as error:
-        if error.errno not in NOT_OURS:
+        if temporary is not None and error.errno not in FULL:
             raise
         raise BadInput(f"--out {out}: cannot be written: {error.strerror}") from error
     finally:

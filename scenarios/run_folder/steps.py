@@ -18,7 +18,7 @@ COLUMNS = ("method", "scan", "time", "verdict", "reference", "matches", "error_t
 
 
 def write_steps(path: Path, recording: Recording, estimates: Sequence[Estimate]) -> None:
-    """One row per scan and method with a track: verdict, true error of the step [m, rad], confidence measures.
+    """One row per scan and method with a track: verdict, true error of the step [m, rad], confidence.
 
     The step is the one from the scan in the column ``reference``. What does not exist is an empty cell.
     """

@@ -22,7 +22,7 @@ def segments(estimates: Sequence[Estimate]) -> dict[str, list[dict[str, int]]]:
 
 
 def stories(estimates: Sequence[Estimate], truth: Array | None) -> dict[str, list[dict[str, object]]]:
-    """Method -> every stitch it tried; against ``truth (N, 3)`` also how far off it was, and whether false."""
+    """Method -> every stitch it tried; against ``truth (N, 3)`` also how far off and whether false."""
     return {
         estimate.method: [story(estimate, tried, truth) for tried in estimate.stitches]
         for estimate in estimates
@@ -31,7 +31,7 @@ def stories(estimates: Sequence[Estimate], truth: Array | None) -> dict[str, lis
 
 
 def story(estimate: Estimate, tried: TriedStitch, truth: Array | None) -> dict[str, object]:
-    """What came of a pair of segments: the alignment with what speaks for it, or the reason why there is none."""
+    """What came of a pair of segments: the alignment and what speaks for it, or why there is none."""
     told: dict[str, object] = {"a": tried.a, "b": tried.b, "accepted": tried.accepted, "weight": tried.weight}
     result = tried.result
     if not isinstance(result, Stitch):

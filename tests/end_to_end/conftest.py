@@ -8,11 +8,18 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
-SCANS = slice(300, 450)
-"""A stretch of the hospital that takes in a room."""
+from scenarios.catalogue import CATALOGUE
+
+if TYPE_CHECKING:
+    from sim.record import Setup
+
+WALK = 20.0
+"""Metres."""
 
 
 @dataclass(frozen=True)
@@ -45,18 +52,34 @@ def command() -> Command:
     return run_command
 
 
+@dataclass(frozen=True)
+class Walk:
+    """A scenario: the first metres of the hospital's route."""
+
+    name: str = "walk"
+    summary: str = "A short walk."
+
+    def build(self, rng: np.random.Generator) -> Setup:
+        setup = CATALOGUE["hospital"].build(rng)
+        walked = np.cumsum(np.hypot(*np.diff(setup.waypoints, axis=0, prepend=[setup.start[:2]]).T))
+        return replace(setup, waypoints=setup.waypoints[walked < WALK])
+
+
+@pytest.fixture
+def walk(monkeypatch: pytest.MonkeyPatch) -> str:
+    """The name of a scenario in the catalogue that is simulated in no time."""
+    monkeypatch.setitem(CATALOGUE, "walk", Walk())
+    return "walk"
+
+
 @pytest.fixture(scope="session")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording.npz: part of a drive through the hospital."""
-    from scenarios.catalogue import CATALOGUE
+    """A recording.npz of a walk through the hospital."""
     from sim.record import simulate
     from slam.formats import recording_npz
 
-    whole = simulate(CATALOGUE["hospital"], 0).recording
-    arrays = ("time", "ranges", "dead_reckoning", "attitude", "truth")
-    part = {name: getattr(whole, name)[SCANS] for name in arrays}
     path = tmp_path_factory.mktemp("drive") / "drive.npz"
-    recording_npz.write(path, replace(whole, name="part of the hospital", **part))
+    recording_npz.write(path, simulate(Walk(), 0).recording)
     return path
 
 

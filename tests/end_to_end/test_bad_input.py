@@ -40,11 +40,20 @@ BAD_LOGS = {
     "USARSim cut in the middle of a line": ((INS + SCANNER)[:-9].encode(), r":2: .*cut in the middle\?"),
     "no range scans": ((odom(0) + odom(1)).encode(), "no range scans"),
     "USARSim without range scans": (INS.encode(), "no range scans"),
-    "range that is NaN": ((LOG + flaser(5, ["nan"] * BEAMS)).encode(), ":6: .*'nan', expected a finite number"),
-    "range that is no number": ((LOG + flaser(5, ["x"] * BEAMS)).encode(), ":6: .*'x', expected a finite number"),
+    "range that is NaN": (
+        (LOG + flaser(5, ["nan"] * BEAMS)).encode(),
+        ":6: .*'nan', expected a finite number",
+    ),
+    "range that is no number": (
+        (LOG + flaser(5, ["x"] * BEAMS)).encode(),
+        ":6: .*'x', expected a finite number",
+    ),
     "negative range": ((LOG + flaser(5, [-1.0] * BEAMS)).encode(), ":6: range 1 is -1, expected metres >= 0"),
-    "ranges of changing length": ((LOG + flaser(5, [2.0] * 181)).encode(), ":6: scan of 181 ranges, expected 180"),
-}  # fmt: skip
+    "ranges of changing length": (
+        (LOG + flaser(5, [2.0] * 181)).encode(),
+        ":6: scan of 181 ranges, expected 180",
+    ),
+}
 
 BAD_OPTIONS = {
     "nothing": ([], "expected a scenario or a log; scenarios: hospital"),
@@ -53,10 +62,16 @@ BAD_OPTIONS = {
     "missing file": (["logs/Robot1.log"], "logs/Robot1.log: no such file"),
     "name too long": (["x" * 5000], "unknown scenario"),
     "directory": (["folder"], "folder: is a directory, expected a file"),
-    "unknown method": (["hospital", "--methods", "ins,slamstich"], r"'slamstich': did you mean 'slamstitch'\?"),
+    "unknown method": (
+        ["hospital", "--methods", "ins,slamstich"],
+        r"'slamstich': did you mean 'slamstitch'\?",
+    ),
     "no method": (["hospital", "--methods", ","], "--methods: expected one or more of ins, icp"),
     "unknown option": (["--sed", "3", "hospital"], r"unknown option '--sed': did you mean '--seed'\?"),
-    "unknown option with a value": (["hospital", "--ouput=x"], r"unknown option '--ouput': did you mean '--out'\?"),
+    "unknown option with a value": (
+        ["hospital", "--ouput=x"],
+        r"unknown option '--ouput': did you mean '--out'\?",
+    ),
     "positional as option": (["--recording", "hospital"], "unknown option '--recording'"),
     "too much": (["hospital", "office"], "unexpected argument 'office'"),
     "option without value": (["hospital", "--seed"], "Missing value for argument '--seed'"),
@@ -65,19 +80,34 @@ BAD_OPTIONS = {
     "unknown format": (["hospital", "--format", "xml"], "'xml' .*Expected one of"),
     "mount of two numbers": (["good.log", "--laser-mount", "1", "2"], "--laser-mount.* Expected 3 values"),
     "mount that is no number": (["good.log", "--laser-mount", "1", "2", "x"], "--laser-mount: .* 'x'"),
-    "mount that is NaN": (["good.log", "--laser-mount", "nan", "0", "0"], "--laser-mount: expected three finite"),
+    "mount that is NaN": (
+        ["good.log", "--laser-mount", "nan", "0", "0"],
+        "--laser-mount: expected three finite",
+    ),
     "mount of a scenario": (["hospital", "--laser-mount", "0", "0", "0"], "--laser-mount are for logs"),
     "relations of a scenario": (["hospital", "--relations", "good.relations"], "--relations .* for logs"),
     "relations missing": (["good.log", "--relations", "no.relations"], "no.relations: no such file"),
     "relations empty": (["good.log", "--relations", "empty"], "empty: the file is empty"),
-    "relations that match nothing": (["good.log", "--relations", "far.relations"], "far.relations: none of the 1"),
-    "relations that are none": (["good.log", "--relations", "good.log"], r"good.log:1: relation of \d+ values"),
-    "other system's answer cut short": (["peer.log"], r"peer.other_ref.txt: 1 poses, expected one for each of 5"),
+    "relations that match nothing": (
+        ["good.log", "--relations", "far.relations"],
+        "far.relations: none of the 1",
+    ),
+    "relations that are none": (
+        ["good.log", "--relations", "good.log"],
+        r"good.log:1: relation of \d+ values",
+    ),
+    "other system's answer cut short": (
+        ["peer.log"],
+        r"peer.other_ref.txt: 1 poses, expected one for each of 5",
+    ),
     "out is a file": (["good.log", "--out", "good.log"], "--out good.log: good.log is not a folder"),
-    "out is below a file": (["hospital", "--out", "good.log/a/b"], "--out good.log/a/b: .*good.log is not a folder"),
+    "out is below a file": (
+        ["hospital", "--out", "good.log/a/b"],
+        "--out good.log/a/b: .*good.log is not a folder",
+    ),
     "a file in the way": (["good.log", "--out", "taken"], "taken/good-seed0 is in the way"),
     "a folder that is no run in the way": (["good.log", "--out", "kept"], "kept/good-seed0 is in the way"),
-}  # fmt: skip
+}
 
 
 @pytest.fixture
@@ -138,6 +168,17 @@ def test_time_stamps_may_go_backwards(command, here):
     assert command("back.log", "--methods", "ins").code == 0
     tum = np.loadtxt(here / "runs/latest/trajectories/ins.tum")
     assert tum[:, 0].tolist() == stamps
+
+
+def test_a_folder_that_cannot_be_made_is_told_in_one_line(command, here, monkeypatch):
+    """Root may write everywhere, but not make a folder in /proc."""
+    if not Path("/proc/self").exists():
+        pytest.skip("no /proc here")
+    finished = command("good.log", "--methods", "ins", "--out", "/proc/runs")
+    assert finished.code == 2
+    assert re.fullmatch(
+        r"scenarios\.run: --out /proc/runs: .*cannot be written.*", finished.stderr.splitlines()[-1]
+    )
 
 
 def test_a_full_disk_is_told_in_one_line(command, here, monkeypatch):

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+CHECKOUT = Path(__file__).resolve().parents[2]
 SLOW = {"numba", "gtsam", "cv2", "matplotlib", "scipy", "pymunk", "dask", "numpy", "rich.table"}
 
 
-def python(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+def python(*words: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, *words]
+    return subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=False, env=env)
 
 
 def test_help_and_list_load_nothing_slow():
@@ -52,6 +56,22 @@ def test_bad_input_from_the_shell_is_one_line_and_exit_code_2(tmp_path):
     assert finished.stdout == ""
     assert finished.stderr == "scenarios.run: unknown scenario 'hospitl': did you mean 'hospital'?\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_terminal_without_arrows_and_umlauts_gets_question_marks():
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    finished = python("-m", "scenarios.run", "--help", env=environment)
+    assert (finished.returncode, finished.stderr) == (0, "")
+    assert "K?mmerle" in finished.stdout
+
+
+def test_a_reader_that_leaves_early_is_no_bug():
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "scenarios.run", "--list"]
+    finished = subprocess.run(command, cwd=CHECKOUT, stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert (finished.returncode, finished.stderr) == (141, b"")
 
 
 def test_the_table_shows_every_number_whole(done):

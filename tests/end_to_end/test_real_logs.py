@@ -30,5 +30,7 @@ def test_carmen_intel_beside_what_gmapping_published(command, shared_data, tmp_p
     folder = tmp_path / "intel-seed0"
     assert value(folder, "ins", "relation_trans_mean") == pytest.approx(7.383, abs=1e-3)
     assert value(folder, "gmapping (published)", "relation_trans_mean") == pytest.approx(0.0447, abs=1e-4)
-    assert value(folder, "gmapping (published)", "relation_clear_trans_mean") == pytest.approx(0.0278, abs=1e-4)
+    assert value(folder, "gmapping (published)", "relation_clear_trans_mean") == pytest.approx(
+        0.0278, abs=1e-4
+    )
     assert (folder / "maps" / "gmapping_published.pgm").is_file()

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from pathlib import Path
 
+CHECKOUT = Path(__file__).resolve().parents[2]
 COSTS = {"wall_s", "scans_per_s", "peak_mb"}
 
 
-def test_the_same_log_twice(done, command, drive, tmp_path):
-    again = command(drive, "--format", "json", "--out", tmp_path)
+def test_the_same_log_twice_in_two_processes(done, drive, tmp_path):
+    command = [sys.executable, "-m", "scenarios.run", drive, "--format", "json", "--out", tmp_path]
+    again = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=True)
     assert without_costs(again.stdout) == without_costs((done.folder / "metrics.json").read_text())
     for name in ("recording.npz", "steps.csv", "segments.json", "stitches.json"):
         assert (tmp_path / "drive-seed0" / name).read_bytes() == (done.folder / name).read_bytes()
@@ -16,8 +21,8 @@ def test_the_same_log_twice(done, command, drive, tmp_path):
         assert (tmp_path / "drive-seed0" / "trajectories" / path.name).read_bytes() == path.read_bytes()
 
 
-def test_the_same_seed_twice_and_another(command, tmp_path):
-    words = ("hospital", "--methods", "ins", "--format", "json", "--seed")
+def test_the_same_seed_twice_and_another(command, walk, tmp_path):
+    words = (walk, "--methods", "ins", "--format", "json", "--seed")
     first, second, other = (
         command(*words, seed, "--out", tmp_path / out) for seed, out in ((7, "a"), (7, "b"), (8, "c"))
     )

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import re
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,11 @@ def strict(path: Path):
         raise AssertionError(f"{path.name}: {word} is not JSON")
 
     return json.loads(path.read_text(), parse_constant=refuse)
+
+
+@pytest.fixture(scope="module")
+def scans(drive):
+    return len(load(drive))
 
 
 def test_everything_is_there(done):
@@ -52,22 +58,13 @@ def test_config_tells_the_command_and_every_parameter(done, drive):
     assert config["scenario"] == {}
 
 
-def test_config_of_a_simulation_tells_the_scenario_s_settings(command, tmp_path, monkeypatch):
-    from sim import record
-
-    drive = record.drive
-    monkeypatch.setattr(record, "drive", lambda setup, rng: _first(drive(setup, rng), 20))
-    assert command("hospital", "--methods", "ins", "--seed", "3", "--out", tmp_path).code == 0
-    config = strict(tmp_path / "hospital-seed3" / "config.json")
+def test_config_of_a_simulation_tells_the_scenario_s_settings(command, walk, tmp_path):
+    assert command(walk, "--methods", "ins", "--seed", "3", "--out", tmp_path).code == 0
+    config = strict(tmp_path / "walk-seed3" / "config.json")
     assert config["options"]["seed"] == 3
     assert {"robot", "scanner", "inertial", "shock", "driver", "scan_interval"} <= set(config["scenario"])
     assert "world" not in config["scenario"]
-
-
-def _first(drive, scans: int):
-    from dataclasses import replace
-
-    return replace(drive, scan_rows=drive.scan_rows[:scans])
+    assert config["scenario"]["ending"] == "completed"
 
 
 def test_environment_tells_versions_and_the_cost_of_every_stage(done):
@@ -80,17 +77,16 @@ def test_environment_tells_versions_and_the_cost_of_every_stage(done):
         assert cost["peak_mb"] is None or cost["peak_mb"] > 10.0
 
 
-def test_metrics_are_all_there_with_a_value_or_a_reason(done):
+def test_metrics_are_all_there_with_a_value_or_a_reason(done, scans):
     from scenarios.evaluation import DEFINITIONS
 
     content = strict(done.folder / "metrics.json")
     assert content["schema"] == 1
-    assert content["recording"] == "part of the hospital"
-    assert (content["seed"], content["scans"]) == (0, 150)
-    assert content["distance_m"] > 5.0
-    assert [(m["method"], m["metric"]) for m in content["metrics"]].sort() == [
-        (method, metric) for method in METHODS for metric in DEFINITIONS
-    ].sort()
+    assert content["recording"] == "walk"
+    assert (content["seed"], content["scans"]) == (0, scans)
+    assert 15.0 < content["distance_m"] < 25.0
+    assert {(m["method"], m["metric"]) for m in content["metrics"]} == set(product(METHODS, DEFINITIONS))
+    assert len(content["metrics"]) == len(METHODS) * len(DEFINITIONS)
     for m in content["metrics"]:
         assert (m["value"] is None) == ("reason" in m)
         assert m["unit"] == DEFINITIONS[m["metric"]].unit
@@ -102,11 +98,11 @@ def test_the_recording_can_be_run_again(done, drive):
         np.testing.assert_array_equal(getattr(again, name), getattr(original, name))
 
 
-def test_steps_have_a_row_per_scan_and_method(done):
+def test_steps_have_a_row_per_scan_and_method(done, scans):
     with (done.folder / "steps.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["method"], int(row["scan"])) for row in rows] == [
-        (method, scan) for method in METHODS[1:] for scan in range(150)
+        (method, scan) for method in METHODS[1:] for scan in range(scans)
     ]
     assert {row["verdict"] for row in rows} <= {"MATCHED", "FELL_BACK", "SKIPPED"}
     assert {"trace2", "det2", "neg_matches"} <= set(rows[0])
@@ -117,14 +113,14 @@ def test_steps_have_a_row_per_scan_and_method(done):
         assert first or 0.0 <= float(row["error_rot"]) <= math.pi
 
 
-def test_segments_and_stitches_agree_with_the_metrics(done):
+def test_segments_and_stitches_agree_with_the_metrics(done, scans):
     segments, stitches = strict(done.folder / "segments.json"), strict(done.folder / "stitches.json")
     metrics = strict(done.folder / "metrics.json")["metrics"]
     values = {(m["method"], m["metric"]): m["value"] for m in metrics}
     assert set(segments) == {"htms", "slamstitch"}
     for method, found in segments.items():
         tried = stitches.get(method, [])
-        assert all(0 <= s["start"] < s["stop"] <= 150 for s in found)
+        assert all(0 <= s["start"] < s["stop"] <= scans for s in found)
         assert values[method, "segments"] == len(found)
         assert values[method, "stitches_tried"] == len(tried)
         assert values[method, "stitches_accepted"] == sum(s["accepted"] for s in tried)
@@ -135,12 +131,12 @@ def test_segments_and_stitches_agree_with_the_metrics(done):
             assert ("error_m" in stitch) == ("T_a_b" in stitch)
 
 
-def test_trajectories_maps_and_graphs_are_read_by_our_own_readers(done):
+def test_trajectories_maps_and_graphs_are_read_by_our_own_readers(done, scans):
     recording = load(done.folder / "recording.npz")
     for name in [*METHODS, "truth"]:
         time, poses = tum.read(done.folder / "trajectories" / f"{name}.tum")
         np.testing.assert_array_equal(time, recording.time)
-        assert poses.shape == (150, 3)
+        assert poses.shape == (scans, 3)
         grid = ros_map.read(done.folder / "maps" / f"{name}.yaml")
         assert grid.resolution == 0.05
         assert grid.occupied.sum() > 100

@@ -275,6 +275,13 @@ def test_confidence_marks_lost_steps_and_cuts(estimates):
     assert figure.axes[0].get_yscale() == figure.axes[1].get_yscale() == "log"
 
 
+def test_segments_that_touch_are_no_cut(estimates):
+    divided = replace(estimates[1], submaps=(submap(0, 20), submap(20, 30), submap(33, N)))
+    for ax in figures.confidence(divided).axes:
+        (cut,) = ax.patches
+        assert (cut.get_x(), cut.get_width()) == (29.5, 3.0)
+
+
 def test_confidence_of_a_drive_without_any_match(estimates):
     lost = replace(estimates[1], track=track(np.zeros(N, dtype=int)))
     assert png(figures.confidence(lost), dpi=40)

@@ -10,6 +10,7 @@ import pytest
 
 from slam import chain, se2
 from slam.bundle import BundleConfig, adjust, neighbours
+from slam.matching import Match, MatchConfig, match
 from slam.posegraph import PoseGraph
 from slam.recording import Recording
 from slam.scan import scans_of
@@ -80,6 +81,20 @@ def test_neighbours_come_from_every_pass() -> None:
     assert {20, 42, 63} <= set(last.tolist())
 
 
+def test_the_latest_passes_come_first_and_the_nearest_scan_of_each_is_in() -> None:
+    x = np.concatenate([np.linspace(0, 2, 21), [50.0], np.linspace(0, 2, 21), [50.0, 0.72]])
+    poses = np.column_stack([x, np.zeros(len(x)), np.zeros(len(x))])
+
+    def of_the_last(most: int) -> list[int]:
+        config = BundleConfig(neighbours=most, per_pass=3, reach=0.95)
+        pairs = neighbours(poses, np.ones(len(x), dtype=bool), config)
+        return pairs[pairs[:, 1] == len(x) - 1, 0].tolist()
+
+    # Within reach are 0 .. 16 of each pass; 7 is the nearest, halfway is 8.
+    assert of_the_last(3) == [22, 29, 38]
+    assert sorted(of_the_last(9)) == [0, 7, 16, 22, 29, 38]
+
+
 def test_a_scan_by_itself_has_no_neighbours() -> None:
     far = np.column_stack([10.0 * np.arange(5), np.zeros(5), np.zeros(5)])
     assert neighbours(far, np.ones(5, dtype=bool), BundleConfig()).shape == (0, 2)
@@ -118,6 +133,25 @@ def test_the_pairs_of_the_last_round_become_edges(room: Array, record: Record, s
     assert (graph.world_steps is not None) == (source == "ins")
 
 
+def test_pairs_carry_the_information_of_a_match_less_what_neighbouring_points_share(
+    room: Array, record: Record
+) -> None:
+    truth = loop()
+    recording = record(room, truth, astray(truth))
+    scans, before = scans_of(recording), backbone(recording)
+    graph = adjust(scans, before, all_of(recording), QUICK)
+    config = MatchConfig(radii=QUICK.radii[-1:], mutual=False, fade=QUICK.fade, robust=QUICK.robust)
+    for k in range(len(before.edges), len(graph.edges), 10):
+        i, j = graph.edges[k]
+        alone = match(scans[i], scans[j], graph.T_ij[k], "plicp", config=config)
+        assert isinstance(alone, Match)
+        expected = se2.to_body_covariance(alone.T_reference_scan, alone.information) / chain.SHARED_ERROR
+        scale = np.sqrt(np.diag(expected))
+        np.testing.assert_allclose(
+            graph.information[k] / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.1
+        )
+
+
 def test_unusable_and_blind_scans_are_not_matched(room: Array, record: Record, rms: Rms) -> None:
     truth = loop()
     recording = record(room, truth, astray(truth))
@@ -154,6 +188,8 @@ def test_nothing_is_claimed_along_a_bare_corridor(corridor: Array, record: Recor
     wheels[0] = truth[0]
     recording = record(corridor, truth, wheels)
     graph = adjust(scans_of(recording), backbone(recording), all_of(recording), QUICK)
+    along, across = graph.information[11:, 0, 0], graph.information[11:, 1, 1]
+    assert np.median(along / across) < 2e-5
     # Across, the walls decide; along, only the wheels know, and stay believed.
     np.testing.assert_allclose(graph.poses[:, 1], graph.poses[0, 1], atol=0.01)
     np.testing.assert_allclose(graph.poses[:, 0], wheels[:, 0], atol=0.02)

@@ -238,6 +238,34 @@ def test_a_match_of_too_much_variance_is_not_believed(room: Array, record: Recor
     assert np.all(strict.matches[1:] > 100)
 
 
+def test_a_match_that_did_not_settle_is_not_believed(room: Array, record: Record) -> None:
+    truth = curve()
+    hasty = replace(MANIFOLD_SLAM, match=replace(MANIFOLD_SLAM.match, most_iterations=1))
+    found = track(record(room, truth, wheels(truth, scale=1.3)), hasty)
+    assert np.mean(found.verdict[1:] == Verdict.FELL_BACK) > 0.3
+    assert np.all(np.isfinite(found.confidence["trace2"][1:]))
+
+
+def test_dead_reckoning_is_trusted_along_a_corridor(corridor: Array, record: Record) -> None:
+    truth = np.column_stack([0.15 * np.arange(10), np.zeros(10), np.zeros(10)])
+    recording = record(corridor, truth, wheels(truth))
+    with_it, without = (
+        np.sqrt(track(recording, FrontendConfig(trust_dead_reckoning=trust)).covariance[1:, 0, 0])
+        for trust in (True, False)
+    )
+    assert np.all(with_it < 0.03)
+    assert np.all(without > 0.3)
+
+
+def test_information_of_a_match_is_in_the_body_of_the_scan(corridor: Array, record: Record) -> None:
+    around = np.radians(np.arange(-180.0, 180.0, 3.0))
+    sideways = np.column_stack([0.15 * np.arange(8), np.zeros(8), np.full(8, np.pi / 2)])
+    found = track(record(corridor, sideways, angles=around))
+    assert np.all(found.verdict[1:] == Verdict.MATCHED)
+    # Forward is across the corridor: that is what the walls tell.
+    assert np.all(found.information[1:, 0, 0] > 1e3 * found.information[1:, 1, 1])
+
+
 def test_keyframes_are_what_scans_are_matched_to(room: Array, record: Record) -> None:
     recording = record(room, straight(25, 0.06))
     found = track(recording, MANIFOLD_SLAM)
@@ -254,6 +282,7 @@ def test_tilted_scans_stand_out_from_their_neighbours(room: Array, record: Recor
     attitude[10, 0] = 0.2
     attitude[45, 1] += 0.12
     attitude[50, 1] += 0.05
+    attitude[31::2, 0] += 0.07  # about half a turn, where the sign of what is logged flips
     recording = record(room, straight(60, 0.05), attitude=se2.wrap(attitude))
     found = np.flatnonzero(tilted_scans(recording, np.radians(5.0), window=11))
     np.testing.assert_array_equal(found, [10, 45])
@@ -269,3 +298,41 @@ def test_tilted_scans_are_not_matched(room: Array, record: Record) -> None:
     assert_consistent(found)
     np.testing.assert_array_equal(np.flatnonzero(found.verdict == Verdict.FELL_BACK), [7, 8])
     assert np.all(track(recording, MANIFOLD_SLAM).verdict[1:] == Verdict.MATCHED)
+
+
+def test_what_a_tilted_laser_saw_is_not_in_the_map(room: Array, record: Record) -> None:
+    attitude = np.zeros((25, 2))
+    attitude[7:10] = 0.2
+    recording = record(room, straight(), attitude=attitude)
+    floor, nothing = recording.ranges.copy(), recording.ranges.copy()
+    floor[7:10] -= 0.1
+    nothing[7:10] = np.nan
+    found = track(replace(recording, ranges=floor), FrontendConfig(extend_distance=0.1))
+    expected = track(replace(recording, ranges=nothing), FrontendConfig(extend_distance=0.1))
+    np.testing.assert_array_equal(found.poses, expected.poses)
+    np.testing.assert_array_equal(found.matches[10:], expected.matches[10:])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seed_mode": "absolute"},
+        {"reference": "scan"},
+        {"method": "wsm"},
+        {"covariance": "joint"},
+        {"match": replace(FrontendConfig().match, radii=(0.2,))},
+        {"skip_distance": 0.2, "skip_angle": 0.2},
+        {"extend_distance": 0.5, "extend_angle": 1.0},
+        {"map_scans": 2},
+        {"trust_dead_reckoning": False},
+        {"tilt_limit": 0.01},
+        {"most_variance": 1e-3},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_every_setting_changes_something(room: Array, record: Record, change: dict[str, object]) -> None:
+    truth = curve()
+    attitude = 0.03 * np.random.default_rng(2).standard_normal((len(truth), 2))
+    recording = record(room, truth, wheels(truth), attitude=attitude)
+    found, other = track(recording), track(recording, replace(FrontendConfig(), **change))  # type: ignore[arg-type]
+    assert not np.array_equal(found.covariance, other.covariance, equal_nan=True)

@@ -162,8 +162,20 @@ def test_a_prior_decides_where_the_walls_do_not(corridor: Array, room: Array, lo
     assert result.T_reference_scan[0] == pytest.approx(0.1, abs=0.005)
     assert abs(result.T_reference_scan[1]) < 0.01
     assert np.sqrt(result.covariance[0, 0]) == pytest.approx(0.01, rel=0.2)
+    # Overwhelming, it is the answer; as strong as the match, it pulls half of the way.
     overwhelming = found(*pair(look, room), MOVED + SEED_ERROR, prior_information=1e10 * np.eye(3))
     np.testing.assert_allclose(overwhelming.T_reference_scan, MOVED + SEED_ERROR, atol=1e-4)
+
+
+def test_a_prior_and_a_match_meet_by_their_weights(room: Array, look: Look) -> None:
+    reference, scan = pair(look, room)
+    config = MatchConfig(robust=1e12)
+    alone = found(reference, scan, MOVED, "plicp", config=config)
+    offset = np.array([0.006, -0.004, 0.002])
+    guess = alone.T_reference_scan + offset
+    both = found(reference, scan, guess, "plicp", prior_information=alone.information, config=config)
+    np.testing.assert_allclose(both.T_reference_scan - alone.T_reference_scan, 0.5 * offset, atol=5e-4)
+    np.testing.assert_allclose(both.covariance, 0.5 * alone.covariance, rtol=0.1, atol=2e-7)
 
 
 def test_robust_weights_resist_a_moved_cupboard(room: Array, look: Look) -> None:
@@ -327,7 +339,7 @@ def test_twin_of_normal_equations(room: Array, look: Look, method: str, robust: 
     pose = MOVED + 0.02
     pairs = np.where(np.arange(len(scan)) % 4 == 0, -1, np.arange(len(scan)) % len(reference))
     information, gradient, used = np.zeros((3, 3)), np.zeros(3), 0
-    cost = total = np.float64(0.0)
+    costs, weights = [], []
     for i, j in enumerate(pairs):
         if j < 0:
             continue
@@ -338,13 +350,15 @@ def test_twin_of_normal_equations(room: Array, look: Look, method: str, robust: 
         W = W / (1.0 + chi2 / robust)
         information += H.T @ W @ H
         gradient += H.T @ W @ e
-        cost, total, used = cost + e @ W @ e, total + np.trace(W), used + 1
+        costs.append(e @ W @ e)
+        weights.append(np.trace(W))
+        used += 1
     number = {"wsm": kernels.WSM, "icp": kernels.ICP, "plicp": kernels.PLICP}[method]
     result = kernels.normal_equations(number, arrays(reference), arrays(scan), pairs, pose, 0.02, robust)
     np.testing.assert_allclose(result[0], information, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(result[1], gradient, rtol=1e-9, atol=1e-6)
     assert result[2] == used > 50
-    np.testing.assert_allclose(result[3:5], [cost, total], rtol=1e-9)
+    np.testing.assert_allclose(result[3:5], [np.sum(costs), np.sum(weights)], rtol=1e-9)
 
 
 def test_twin_of_point_to_line_information(room: Array, look: Look) -> None:

@@ -1,0 +1,116 @@
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.cli import BadInput
+from scenarios.estimate import Estimate, TriedStitch
+from scenarios.run_folder import check, prepare, publish
+from scenarios.run_folder.place import safe
+from scenarios.run_folder.plain import plain
+from scenarios.run_folder.stitches import segments, stories
+from slam.occupancy import Grid
+from slam.scan import Scan
+from slam.submap import Submap
+from slam.track import Verdict
+from stitch.align import Alternative, NoStitch, Stitch
+
+TRUTH = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
+
+
+def submap(start: int, stop: int) -> Submap:
+    empty, cells = np.zeros((0, 2)), np.zeros((1, 1), dtype=bool)
+    scan = Scan(empty, empty, empty, np.zeros((0, 2, 2)), np.zeros(0), np.zeros(0, dtype=int))
+    return Submap(start, stop, np.zeros(3), scan, Grid(cells, cells, np.zeros(2), 0.05))
+
+
+def stitch(x: float, yaw: float = 0.0, **kwargs) -> Stitch:
+    return Stitch(np.array([x, 0.0, yaw]), np.eye(3), 7.0, 2.0, 0.9, **kwargs)
+
+
+ESTIMATE = Estimate(
+    "m",
+    TRUTH,
+    submaps=(submap(0, 2), submap(2, 3), submap(3, 4)),
+    stitches=(
+        TriedStitch(0, 1, stitch(2.1), 1.0),
+        TriedStitch(0, 2, stitch(3.5), 1.0),
+        TriedStitch(1, 2, stitch(1.0, np.radians(5), alternatives=(Alternative(np.zeros(3), 1.0),)), 0.0),
+        TriedStitch(1, 2, NoStitch("no overlap", Alternative(np.ones(3), 2.0))),
+    ),
+)
+
+
+def test_the_story_of_every_stitch_with_its_true_error():
+    good, false, rejected, none = plain(stories([ESTIMATE], TRUTH)["m"])
+    assert good["error_m"] == pytest.approx(0.1)
+    assert (good["accepted"], good["false"]) == (True, False)
+    assert false["error_m"] == pytest.approx(0.5)
+    assert (false["accepted"], false["false"]) == (True, True)
+    assert rejected["error_deg"] == pytest.approx(5.0)
+    assert (rejected["accepted"], rejected["false"]) == (False, False)
+    assert rejected["alternatives"] == [{"T_a_b": [0.0, 0.0, 0.0], "score": 1.0}]
+    assert none["reason"] == "no overlap"
+    assert none["best"] == {"T_a_b": [1.0, 1.0, 1.0], "score": 2.0}
+    assert "false" not in none
+
+
+def test_without_truth_a_story_has_no_error():
+    assert not any({"error_m", "false"} & set(told) for told in stories([ESTIMATE], None)["m"])
+
+
+def test_methods_that_do_not_cut_have_no_segments():
+    assert segments([Estimate("ins", TRUTH), ESTIMATE]) == {
+        "m": [{"start": 0, "stop": 2}, {"start": 2, "stop": 3}, {"start": 3, "stop": 4}]
+    }
+
+
+@dataclass(frozen=True)
+class Config:
+    limit: float
+    where: Path
+    table: np.ndarray
+    verdict: Verdict
+
+
+def test_values_become_strict_json():
+    config = Config(np.inf, Path("a/b"), np.array([[1.0, np.nan]]), Verdict.SKIPPED)
+    assert plain({1: config, "n": (np.int64(3), None)}) == {
+        "1": {"limit": "inf", "where": "a/b", "table": [[1.0, "nan"]], "verdict": "SKIPPED"},
+        "n": [3, None],
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("gmapping (published)", "gmapping_published"), ("../x", "x"), ("..", "unnamed")]
+)
+def test_names_are_plain_file_names(name, expected):
+    assert safe(name) == expected
+
+
+def test_a_folder_appears_whole_under_its_name(tmp_path):
+    with prepare(tmp_path / "runs", "a") as folder:
+        (folder.temporary / "metrics.json").write_text("{}")
+        assert not folder.final.exists()
+        publish(folder, {"cores": 2})
+    assert sorted(path.name for path in folder.final.iterdir()) == ["environment.json", "metrics.json"]
+    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["a", "latest"]
+    check(tmp_path / "runs", "a")  # a run may be replaced
+
+
+def test_what_others_put_into_a_new_folder_meanwhile_stays(tmp_path):
+    with prepare(tmp_path / "x" / "runs", "a"):
+        (tmp_path / "x" / "mine.txt").touch()
+    assert [path.name for path in tmp_path.rglob("*")] == ["x", "mine.txt"]
+
+
+def test_checking_makes_nothing(tmp_path):
+    check(tmp_path / "x" / "y", "a")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_to_nowhere_is_no_folder(tmp_path):
+    (tmp_path / "runs").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(BadInput, match="is not a folder"):
+        check(tmp_path / "runs", "a")
