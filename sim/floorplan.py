@@ -113,6 +113,45 @@ def desk(pose: ArrayLike, length: float = 1.4, width: float = 0.7) -> list[Prism
     return [top, drawers, *_legs(pose, length, width, 0.70)]
 
 
+def table(pose: ArrayLike, length: float = 1.4, width: float = 0.7, height: float = 0.74) -> list[Prism]:
+    """A table: a thin top on four legs, under which one sees through."""
+    return [box(pose, length, width, height - 0.04, height), *_legs(pose, length, width, height - 0.04)]
+
+
+def cupboard(pose: ArrayLike, length: float = 1.0, width: float = 0.45, height: float = 1.8) -> list[Prism]:
+    """A cupboard, solid from the floor up."""
+    return [box(pose, length, width, z_hi=height)]
+
+
+def column(centre: ArrayLike, radius: float, sides: int = 12, height: float = WALL_HEIGHT) -> Prism:
+    """A column or a tree's trunk, with ``sides`` sides around ``centre (2,)`` m."""
+    return round_prism(centre, radius, sides, BELOW_FLOOR, height, "wall")
+
+
+def door_leaf(hinge: ArrayLike, closed_yaw: float, width: float = 0.9, opening: float = 0.0) -> Prism:
+    """A door's leaf from its ``hinge (2,)`` m: ``closed_yaw`` rad when shut, opened by ``opening`` rad."""
+    yaw = closed_yaw + opening
+    middle = np.asarray(hinge, dtype=np.float64) + 0.5 * width * np.array([np.cos(yaw), np.sin(yaw)])
+    return box([*middle, yaw], width, 0.04, kind="wall")
+
+
+def stone(centre: ArrayLike, radius: float, height: float, rng: np.random.Generator) -> Prism:
+    """An irregular block around ``centre (2,)``: six corners on an ellipse of at most ``radius`` m, turned."""
+    angles = 2.0 * np.pi * (np.arange(6) + rng.uniform(-0.35, 0.35, 6)) / 6.0
+    corners = rng.uniform(0.6, 1.0, 2) * radius * np.stack([np.cos(angles), np.sin(angles)], -1)
+    pose = [*np.asarray(centre, dtype=np.float64), rng.uniform(-np.pi, np.pi)]
+    return Prism(se2.transform(pose, corners), BELOW_FLOOR, height, "furniture")
+
+
+def round_prism(
+    centre: ArrayLike, radius: float, sides: int, z_lo: float, z_hi: float, kind: Kind
+) -> Prism:
+    """A regular polygon with its corners ``radius`` m around ``centre (2,)``, as an upright solid."""
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    corners = radius * np.stack([np.cos(angles), np.sin(angles)], -1)
+    return Prism(np.asarray(centre, dtype=np.float64) + corners, z_lo, z_hi, kind)
+
+
 def _legs(pose: ArrayLike, length: float, width: float, height: float, side: float = 0.05) -> list[Prism]:
     x, y = 0.5 * (length - side), 0.5 * (width - side)
     corners = [[x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0], [x, -y, 0.0]]

@@ -79,6 +79,17 @@ class Terrain:
         inside = (np.abs(across) <= 0.5 * width) & (along >= 0.0) & (along <= length)
         return self._raised(np.where(inside, rise * along / length, 0.0))
 
+    def with_steps(self, a: ArrayLike, b: ArrayLike, width: float, rise: float, count: int) -> Terrain:
+        """A flight of ``count`` equal steps from the ground at ``a (2,)`` up to ``rise`` m at ``b (2,)``."""
+        along, across, length = self._strip(a, b)
+        inside = (np.abs(across) <= 0.5 * width) & (along >= 0.0) & (along <= length)
+        step = np.clip(np.floor(along / length * count + 1e-9) + 1.0, 1.0, count)
+        return self._raised(np.where(inside, rise * step / count, 0.0))
+
+    def with_platform(self, lower: ArrayLike, upper: ArrayLike, height: float) -> Terrain:
+        """The rectangle from ``lower (2,)`` to ``upper (2,)`` m raised to a level ``height`` m."""
+        return self._raised(np.where(self._depth(lower, upper) >= 0.0, height, 0.0))
+
     def with_sill(self, a: ArrayLike, b: ArrayLike, height: float, depth: float) -> Terrain:
         """A door sill: a rounded bar from ``a (2,)`` to ``b (2,)``, ``depth`` m across, ``height`` m high."""
         along, across, length = self._strip(a, b)
@@ -102,12 +113,41 @@ class Terrain:
         x, y = self.nodes()
         cx, cy = np.asarray(centre, dtype=np.float64)
         fade = np.clip(1.5 * (1.0 - np.hypot(x - cx, y - cy) / radius), 0.0, 1.0)
+        return self._strewn(fade, height, roughness, rng, grain)
+
+    def with_rubble_field(
+        self,
+        lower: ArrayLike,
+        upper: ArrayLike,
+        height: float,
+        roughness: float,
+        rng: np.random.Generator,
+        grain: float = 0.25,
+    ) -> Terrain:
+        """Rubble as `with_rubble`, over the rectangle from ``lower (2,)`` to ``upper (2,)`` m.
+
+        It fades over the outer 0.3 m. A ``grain`` of metres without roughness makes hills.
+        """
+        fade = np.clip(self._depth(lower, upper) / 0.3, 0.0, 1.0)
+        return self._strewn(fade, height, roughness, rng, grain)
+
+    def _strewn(
+        self, fade: Array, height: float, roughness: float, rng: np.random.Generator, grain: float
+    ) -> Terrain:
+        """Rubble where ``fade (rows, columns)``, from 0 to 1, lets it be."""
         noise = gaussian_filter(
             rng.standard_normal(self.heights.shape), grain / self.resolution, mode="reflect"
         )
         bumps = np.abs(noise) * (height / np.abs(noise).mean())
         rough = np.maximum(self.roughness, fade * roughness)
         return replace(self, heights=np.maximum(self.heights, fade * bumps), roughness=rough)
+
+    def _depth(self, lower: ArrayLike, upper: ArrayLike) -> Array:
+        """Distance [m] of every node inwards from the nearest side of a rectangle; negative outside it."""
+        (x0, y0), (x1, y1) = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
+        x, y = self.nodes()
+        tolerance = 1e-9  # nodes on the border belong to it
+        return np.minimum(np.minimum(x - x0, x1 - x), np.minimum(y - y0, y1 - y)) + tolerance
 
     def _raised(self, heights: Array) -> Terrain:
         return replace(self, heights=np.maximum(self.heights, heights))
@@ -119,6 +159,15 @@ class Terrain:
         ux, uy = (b - a) / length
         x, y = self.nodes()
         return (x - a[0]) * ux + (y - a[1]) * uy, (y - a[1]) * ux - (x - a[0]) * uy, length
+
+
+@njit(cache=True, error_model="numpy")
+def heights_at(points, field):
+    """Bilinear heights ``(M,)`` m at ``points (M, 2)``; 0 outside the grid."""
+    out = np.empty(len(points))
+    for k in range(len(points)):
+        out[k] = height_at(points[k, 0], points[k, 1], field)
+    return out
 
 
 @njit(cache=True, error_model="numpy")
@@ -194,7 +243,7 @@ def _hit_in_cell(x, y, z, dx, dy, dz, i, j, span, field):
 
 
 @njit(cache=True, error_model="numpy")
-def _clip(o, d, lo, hi, enter, leave):
+def clip_to(o, d, lo, hi, enter, leave):
     """Narrow the stretch [enter, leave] of a ray to where one coordinate lies within [lo, hi]."""
     if d == 0.0:
         if not lo <= o <= hi:
@@ -235,8 +284,8 @@ def ground_hit(x, y, z, dx, dy, dz, reach, field):
         return np.inf
     rows, columns = field.heights.shape
     res = field.resolution
-    enter, leave = _clip(x, dx, field.x0, field.x0 + (columns - 1) * res, start, stop)
-    enter, leave = _clip(y, dy, field.y0, field.y0 + (rows - 1) * res, enter, leave)
+    enter, leave = clip_to(x, dx, field.x0, field.x0 + (columns - 1) * res, start, stop)
+    enter, leave = clip_to(y, dy, field.y0, field.y0 + (rows - 1) * res, enter, leave)
     if enter > leave:
         return _hit_level(z, dz, start, stop)
     before = _hit_level(z, dz, start, enter) if enter > start else np.inf

@@ -23,7 +23,7 @@ class Segment:
 @dataclass(frozen=True)
 class SegmentationConfig:
     """``each_zero`` cuts at every step without matches (the report's Experiment 1), ``zero_run`` only at
-    ``run`` or more of them in a row (Experiment 2), ``threshold`` where ``measure`` exceeds ``threshold``.
+    ``run`` or more of them in a row (Experiment 2), ``threshold`` where ``measure`` exceeds ``threshold`` or failed.
     Segments of fewer than ``least_steps`` matched steps are discarded.
     """
 
@@ -42,9 +42,9 @@ def lost_steps(track: Track, config: SegmentationConfig = SegmentationConfig()) 
     if config.measure not in track.confidence:
         raise ValueError(f"measure: expected one of {sorted(track.confidence)}, got {config.measure!r}")
     column = track.confidence[config.measure]
-    if config.rule == "threshold":
-        return np.nan_to_num(column, nan=-np.inf, posinf=np.inf) > config.threshold
     zero = np.isposinf(column)
+    if config.rule == "threshold":
+        return zero | (column > config.threshold)
     if config.rule == "each_zero":
         return zero
     tried = np.flatnonzero(~np.isnan(column))

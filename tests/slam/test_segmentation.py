@@ -68,8 +68,8 @@ def test_the_threshold_is_exclusive(confident: Confident) -> None:
     drive = confident([NAN, 1, 5, 5.1, 1, INF, 1])
     assert pieces(drive, rule="threshold", threshold=5.0) == [(0, 3), (4, 5), (6, 7)]
     assert pieces(drive, rule="threshold", threshold=0.5, least_steps=0) == [(0, 1)]
-    # No threshold: even a failed match is not beyond infinity.
-    assert pieces(drive, rule="threshold") == [(0, 7)]
+    # A failed match is beyond every threshold.
+    assert pieces(drive, rule="threshold", threshold=np.inf) == [(0, 5), (6, 7)]
 
 
 def test_the_measure_is_the_one_asked_for(confident: Confident) -> None:
