@@ -1,0 +1,164 @@
+"""Smoke: an extinction coefficient over the plane, and where a beam that enters it is scattered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from sim.beams import beam_directions
+from sim.terrain import HeightField, clip_to, height_at
+from slam.se2 import Array
+
+
+@dataclass(frozen=True)
+class Smoke:
+    """Extinction coefficient κ [1/m] on a grid of nodes, bilinear in between, none outside, at every height.
+
+    ``extinction (rows, columns)`` at ``origin + resolution * (column, row)``. A beam travels 1/κ m on average
+    before it is scattered (Beer-Lambert). Raises ``ValueError`` for negative or infinite values.
+    """
+
+    extinction: Array
+    origin: tuple[float, float]
+    resolution: float
+
+    def __post_init__(self) -> None:
+        if self.extinction.ndim != 2 or min(self.extinction.shape) < 2:
+            raise ValueError("smoke: extinction needs a shape of at least (2, 2)")
+        if not (np.all(np.isfinite(self.extinction)) and np.all(self.extinction >= 0.0)):
+            raise ValueError("smoke: expected finite extinction >= 0")
+
+    @classmethod
+    def clear(cls, lower: ArrayLike, upper: ArrayLike, resolution: float = 0.1) -> Smoke:
+        """Clear air over the rectangle from ``lower (2,)`` to ``upper (2,)`` m."""
+        lower, upper = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
+        columns, rows = np.ceil((upper - lower) / resolution).astype(int) + 1
+        return cls(np.zeros((int(rows), int(columns))), (float(lower[0]), float(lower[1])), resolution)
+
+    @property
+    def field(self) -> HeightField:
+        """The coefficient as a field for the kernels, looked up like a height."""
+        extinction = np.ascontiguousarray(self.extinction)
+        return HeightField(extinction, *self.origin, self.resolution, float(extinction.max()))
+
+    def with_disc(self, centre: ArrayLike, radius: float, extinction: float, edge: float = 0.0) -> Smoke:
+        """More smoke, in a disc: it thins out linearly over the outer ``edge`` m."""
+        x, y = self._nodes()
+        cx, cy = np.asarray(centre, dtype=np.float64)
+        return self._thicker(radius - np.hypot(x - cx, y - cy), extinction, edge)
+
+    def with_polygon(self, corners: ArrayLike, extinction: float, edge: float = 0.0) -> Smoke:
+        """More smoke, in a simple polygon ``corners (K, 2)`` m: thinner over the ``edge`` m within its sides."""
+        x, y = self._nodes()
+        corners = np.asarray(corners, dtype=np.float64)
+        inside = np.zeros(x.shape, dtype=bool)
+        depth = np.full(x.shape, np.inf)
+        for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            ex, ey = bx - ax, by - ay
+            t = np.clip(((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey), 0.0, 1.0)
+            depth = np.minimum(depth, np.hypot(x - ax - t * ex, y - ay - t * ey))
+            if ey != 0.0:  # even-odd rule: sides that a line to the right crosses
+                inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * ex / ey)
+        return self._thicker(np.where(inside, depth, -depth), extinction, edge)
+
+    def _thicker(self, depth: Array, extinction: float, edge: float) -> Smoke:
+        """Add smoke where ``depth`` m, the distance inwards from the boundary, is positive."""
+        share = np.where(depth >= 0.0, np.clip(depth / edge, 0.0, 1.0) if edge > 0.0 else 1.0, 0.0)
+        return replace(self, extinction=self.extinction + extinction * share)
+
+    def _nodes(self) -> tuple[Array, Array]:
+        rows, columns = self.extinction.shape
+        x = self.origin[0] + self.resolution * np.arange(columns)
+        y = self.origin[1] + self.resolution * np.arange(rows)
+        columns_x, rows_y = np.meshgrid(x, y)
+        return columns_x, rows_y
+
+
+class Haze(NamedTuple):
+    """Smoke as seen from the laser: the smoke's field, sensor ``poses (N, 6)`` and beam ``angles (B,)`` rad."""
+
+    field: HeightField
+    poses: Array
+    angles: Array
+
+    def scatter(self, ranges: Array, thickness: Array) -> tuple[Array, Array]:
+        """Where beams are scattered, and how much smoke lies before what they would meet.
+
+        ``ranges (N, B)`` m to what each beam would meet in clear air; a beam is scattered where its optical
+        depth reaches ``thickness (N, B)``. Returns the distance m, inf for a beam that gets through, and the
+        optical depth up to the range.
+        """
+        at, depth = np.empty_like(ranges), np.empty_like(ranges)
+        _scatter(self.poses, self.angles, ranges, thickness, self.field, at, depth)
+        return at, depth
+
+
+@njit(cache=True, error_model="numpy")
+def _scatter(poses, angles, ranges, thickness, field, at, depth):
+    for n in range(len(poses)):
+        directions = beam_directions(poses[n], angles)
+        for b in range(len(angles)):
+            dx, dy = directions[b, 0], directions[b, 1]
+            at[n, b], depth[n, b] = pierce(
+                poses[n, 0], poses[n, 1], dx, dy, ranges[n, b], thickness[n, b], field
+            )
+
+
+@njit(cache=True, error_model="numpy")
+def pierce(x, y, dx, dy, reach, thickness, field):
+    """Distance at which a ray's optical depth comes to ``thickness`` (else inf), and the depth at ``reach``.
+
+    The ray is point + r · direction. Cell by cell κ is bilinear, hence quadratic along the ray, and Simpson's
+    rule integrates it exactly.
+    """
+    rows, columns = field.heights.shape
+    res = field.resolution
+    enter, leave = clip_to(x, dx, field.x0, field.x0 + (columns - 1) * res, 0.0, reach)
+    enter, leave = clip_to(y, dy, field.y0, field.y0 + (rows - 1) * res, enter, leave)
+    depth, at = 0.0, np.inf
+    if not enter < leave or (dx == 0.0 and dy == 0.0):
+        return at, depth
+    i = min(max(int((x + dx * enter - field.x0) / res), 0), columns - 2)
+    j = min(max(int((y + dy * enter - field.y0) / res), 0), rows - 2)
+    r = enter
+    while r < leave and 0 <= i < columns - 1 and 0 <= j < rows - 1:
+        next_x = (field.x0 + (i + (dx > 0.0)) * res - x) / dx if dx != 0.0 else np.inf
+        next_y = (field.y0 + (j + (dy > 0.0)) * res - y) / dy if dy != 0.0 else np.inf
+        end = max(r, min(next_x, next_y, leave))
+        more = _simpson(x, y, dx, dy, r, end, field)
+        if at == np.inf and depth + more >= thickness:
+            at = _crossing(x, y, dx, dy, r, end, thickness - depth, field)
+        depth += more
+        if next_x <= next_y:
+            i += 1 if dx > 0.0 else -1
+        else:
+            j += 1 if dy > 0.0 else -1
+        r = end
+    return at, depth
+
+
+@njit(cache=True, error_model="numpy")
+def _simpson(x, y, dx, dy, start, end, field):
+    """Integral of κ along a ray within one cell."""
+    middle = 0.5 * (start + end)
+    total = height_at(x + dx * start, y + dy * start, field)
+    total += 4.0 * height_at(x + dx * middle, y + dy * middle, field)
+    total += height_at(x + dx * end, y + dy * end, field)
+    return total * (end - start) / 6.0
+
+
+@njit(cache=True, error_model="numpy")
+def _crossing(x, y, dx, dy, start, end, wanted, field):
+    """Distance within one cell by which the integral of κ from ``start`` has grown to ``wanted``."""
+    low, high = start, end
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if _simpson(x, y, dx, dy, start, middle, field) < wanted:
+            low = middle
+        else:
+            high = middle
+    return high
