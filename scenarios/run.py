@@ -28,13 +28,14 @@ COMMAND = "scenarios.run"
 
 @dataclass(frozen=True)
 class Options:
-    """Simulate a scenario, or read a robot's log, run every method on it and score them.
+    """Simulate a scenario or a drive through a ROS map, or read a robot's log; run every method and score it.
 
     Prints the table of metrics and writes a folder with maps, trajectories and report.html.
     """
 
     recording: Positional[Annotated[str, arg(metavar="NAME|LOG", help_behavior_hint="")]] = ""
-    """A scenario (see --list), or a log: USARSim, CARMEN .log or .log.gz, recording.npz."""
+    """A scenario (see --list), a ROS map (.yaml) to drive through, or a log: USARSim, CARMEN .log or .log.gz,
+    ROS 2 bag, recording.npz."""
     list: Annotated[bool, arg(help_behavior_hint="")] = False
     """Print the scenarios and why each exists."""
     seed: Annotated[int, arg(metavar="K")] = 0
@@ -49,6 +50,8 @@ class Options:
     """File of true relative poses (Kümmerle et al. 2009) to score a log against."""
     laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
     """Laser in the robot's frame in m and rad, where a log does not tell."""
+    start: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
+    """Where a drive through a ROS map begins, in m and rad; drawn where it is not given."""
 
 
 def run(options: Options) -> None:
@@ -81,7 +84,7 @@ def run(options: Options) -> None:
 
 def checked(options: Options) -> tuple[list[str], str]:
     """The methods to run, and the name of the run's folder. Raises `BadInput`."""
-    from scenarios.source import is_scenario
+    from scenarios.source import is_map, is_scenario
 
     if not options.recording:
         raise BadInput(f"expected a scenario or a log; scenarios: {', '.join(CATALOGUE)}")
@@ -93,12 +96,12 @@ def checked(options: Options) -> tuple[list[str], str]:
             raise BadInput(f"unknown method {name!r}: {nearest(name, METHODS)}")
     if not methods:
         raise BadInput(f"--methods: expected one or more of {', '.join(METHODS)}")
-    if is_scenario(options.recording):
-        if options.relations or options.laser_mount:
-            raise BadInput("--relations and --laser-mount are for logs: a scenario knows its own truth")
-        name = options.recording
-    else:
-        name = Path(options.recording).name.split(".")[0]
+    simulates = is_scenario(options.recording)
+    if simulates and (options.relations or options.laser_mount):
+        raise BadInput("--relations and --laser-mount are for logs: a scenario knows its own truth")
+    if options.start and not (simulates and is_map(options.recording)):
+        raise BadInput("--start is for ROS maps: scenarios and logs have a start of their own")
+    name = Path(options.recording).name.split(".")[0]
     return list(dict.fromkeys(methods)), f"{name}-seed{options.seed}"
 
 
@@ -106,10 +109,10 @@ def obtain(options: Options, stages: Stages) -> Source:
     """The recording, simulated or read."""
     from scenarios import source
 
-    if options.recording in CATALOGUE:
+    if source.is_scenario(options.recording):
         tell_of_compilation(stages)
         with stages.stage("simulate"):
-            return source.simulated(options.recording, options.seed)
+            return source.simulated(options.recording, options.seed, options.start)
     with stages.stage("read"):
         found = source.logged(Path(options.recording), options.relations, options.laser_mount)
     tell_of_compilation(stages)
@@ -126,7 +129,13 @@ def tell_of_compilation(stages: Stages) -> None:
 def estimate(
     recording: Recording, methods: list[str], config: MethodConfig, stages: Stages
 ) -> list[Estimate]:
-    """Every method's answer, in the order asked for."""
+    """Every method's answer, in the order asked for; compiling and loading kernels is on nobody's bill."""
+    from scenarios.rehearsal import rehearsal
+
+    with stages.stage("rehearse"):
+        short = rehearsal(recording)
+        for name in methods:
+            METHODS[name](short, config)
     estimates = []
     for name in methods:
         with stages.stage(name):

@@ -1,4 +1,4 @@
-"""Where a recording comes from: a scenario of the catalogue, simulated, or a log."""
+"""Where a recording comes from: a scenario of the catalogue or a map, simulated, or a log."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from scenarios.cli import BadInput, Pose, nearest
 
 if TYPE_CHECKING:
     from scenarios.estimate import Estimate
+    from sim.record import Buildable
     from slam.recording import Recording
+
+MAP_SUFFIXES = (".yaml", ".yml")
+"""A ROS map is named after its yaml file."""
 
 
 @dataclass(frozen=True)
@@ -27,26 +31,43 @@ class Source:
 
 
 def is_scenario(target: str) -> bool:
-    """True when ``target`` names a scenario rather than a file.
+    """True when ``target`` is simulated: a scenario's name or a ROS map, not a log.
 
-    Raises `BadInput` for a name that is neither, with the nearest scenario.
+    Raises `BadInput` for a name that is none of them, with the nearest scenario.
     """
     if target in CATALOGUE:
         return True
     if os.path.exists(target):
-        return False
+        return is_map(target)
     if Path(target).suffix or len(Path(target).parts) > 1:
-        raise BadInput(f"{target}: no such file, expected a recording (USARSim, CARMEN or recording.npz)")
+        raise BadInput(f"{target}: no such file, expected a recording or a ROS map")
     raise BadInput(f"unknown scenario {target!r}: {nearest(target, CATALOGUE)}")
 
 
-def simulated(name: str, seed: int) -> Source:
-    """A drive through a scenario of the catalogue; of its settings all but the world itself."""
+def is_map(target: str) -> bool:
+    """True for what is named as ROS maps are."""
+    return Path(target).suffix in MAP_SUFFIXES
+
+
+def simulated(target: str, seed: int, start: Pose | None = None) -> Source:
+    """A drive through a scenario of the catalogue or a ROS map; of its settings all but the world itself.
+
+    ``start`` is where a drive through a map begins; None: drawn. Raises `BadInput` for a map that cannot be
+    read or driven through.
+    """
     from sim.record import simulate
 
-    run = simulate(CATALOGUE[name], seed)
+    run = simulate(_scenario(target, start), seed)
     settings = {f.name: getattr(run.setup, f.name) for f in fields(run.setup) if f.name != "world"}
     return Source(run.recording, {**settings, "ending": run.ending})
+
+
+def _scenario(target: str, start: Pose | None) -> Buildable:
+    if target in CATALOGUE:
+        return CATALOGUE[target]
+    from scenarios.catalogue.ros_map import MappedBuilding
+
+    return MappedBuilding(Path(target), start)
 
 
 def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:

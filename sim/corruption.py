@@ -6,25 +6,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.smoke import Haze
 from slam.se2 import Array
 
 
 @dataclass(frozen=True)
 class Effects:
-    """Range effects, each with a switch of its own.
+    """What a scan suffers, each effect with a switch of its own.
 
+    ``tilt``: the scan plane leans with the robot; ``floor``: floor and ceiling are seen; ``heights``: solids
+    have a bottom and a top, so that beams pass under or over them or land on them.
     Mixed pixels: ``sub_rays`` over the beam's ``divergence`` [rad]; where they differ by more than
     ``mixed_gap`` m the range is a random mixture with probability ``mixed_probability``, else the nearest.
+    Smoke: a scattered beam reports where that happened with probability ``smoke_return``, else nothing; a
+    surface behind smoke is lost where its echo, exp(-2 · depth) · cos(incidence) · (range limit / range)², is
+    weaker than ``smoke_threshold``.
     Dropouts: chance ``dropout_floor`` at normal incidence, rising as a logistic of width ``dropout_width``
     at ``dropout_angle`` [rad]. Noise: standard deviation ``noise_constant + noise_slope · range`` m.
     ``quantum`` m.
     """
 
+    tilt: bool = True
+    floor: bool = True
+    heights: bool = True
     mixed_pixels: bool = True
     sub_rays: int = 3
     divergence: float = np.deg2rad(0.35)
     mixed_gap: float = 0.2
     mixed_probability: float = 0.3
+    smoke: bool = True
+    smoke_return: float = 0.5
+    smoke_threshold: float = 0.02
     dropouts: bool = True
     dropout_floor: float = 0.002
     dropout_angle: float = np.deg2rad(80.0)
@@ -51,17 +63,25 @@ class Effects:
 
 
 def corrupt(
-    ranges: Array, cosines: Array, effects: Effects, limits: tuple[float, float], rng: np.random.Generator
+    ranges: Array,
+    cosines: Array,
+    effects: Effects,
+    limits: tuple[float, float],
+    rng: np.random.Generator,
+    haze: Haze | None = None,
 ) -> Array:
     """Reported ranges ``(N, B)`` m from the sub-rays' true ranges and incidence cosines ``(N, B, J)``.
 
-    ``limits`` are the smallest and largest range m the laser reports. Each effect draws from its own
+    ``limits`` are the smallest and largest range m the laser reports, ``haze`` the smoke in the way of the
+    beams, if any. Each effect draws from its own
     stream, so that switching one leaves the others' draws alone.
     """
-    mixing, dropping, noising = rng.spawn(3)
+    mixing, dropping, noising, smoking = rng.spawn(4)
     nearest = np.argmin(np.where(np.isnan(ranges), np.inf, ranges), axis=2)[..., None]
     cosine = np.take_along_axis(cosines, nearest, axis=2)[..., 0]
     reported = _mixed(ranges, effects, mixing)
+    if effects.smoke and haze is not None:
+        reported = _smoked(reported, cosine, haze, effects, limits[1], smoking)
     if effects.dropouts:
         reported = np.where(dropping.random(reported.shape) < _dropout(cosine, effects), np.nan, reported)
     if effects.noise:
@@ -90,6 +110,23 @@ def _mixed(ranges: Array, effects: Effects, rng: np.random.Generator) -> Array:
     plain = filled.sum(axis=2) / np.maximum(met.sum(axis=2), 1)
     reported = np.where(split, np.where(mixes, mixture, near), plain)
     return np.where(none, np.nan, reported)
+
+
+def _smoked(
+    reported: Array,
+    cosine: Array,
+    haze: Haze,
+    effects: Effects,
+    range_max: float,
+    rng: np.random.Generator,
+) -> Array:
+    """Ranges ``(N, B)`` behind smoke: scattered on the way, with or without return, or too faint."""
+    aimed = np.where(np.isnan(reported), range_max, reported)
+    scattered, depth = haze.scatter(aimed, rng.standard_exponential(aimed.shape))
+    returned = np.where(rng.random(aimed.shape) < effects.smoke_return, scattered, np.nan)
+    echo = np.exp(-2.0 * depth) * cosine * (range_max / np.maximum(aimed, 1e-9)) ** 2
+    faint = (depth > 0.0) & (echo < effects.smoke_threshold)
+    return np.where(np.isfinite(scattered), returned, np.where(faint, np.nan, reported))
 
 
 def _dropout(cosine: Array, effects: Effects) -> Array:

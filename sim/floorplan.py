@@ -136,16 +136,14 @@ def door_leaf(hinge: ArrayLike, closed_yaw: float, width: float = 0.9, opening: 
 
 
 def stone(centre: ArrayLike, radius: float, height: float, rng: np.random.Generator) -> Prism:
-    """An irregular block around ``centre (2,)``: six corners on an ellipse of at most ``radius`` m, turned."""
+    """An irregular block around ``centre (2,)``: six corners on an ellipse within ``radius`` m."""
     angles = 2.0 * np.pi * (np.arange(6) + rng.uniform(-0.35, 0.35, 6)) / 6.0
     corners = rng.uniform(0.6, 1.0, 2) * radius * np.stack([np.cos(angles), np.sin(angles)], -1)
     pose = [*np.asarray(centre, dtype=np.float64), rng.uniform(-np.pi, np.pi)]
     return Prism(se2.transform(pose, corners), BELOW_FLOOR, height, "furniture")
 
 
-def round_prism(
-    centre: ArrayLike, radius: float, sides: int, z_lo: float, z_hi: float, kind: Kind
-) -> Prism:
+def round_prism(centre: ArrayLike, radius: float, sides: int, z_lo: float, z_hi: float, kind: Kind) -> Prism:
     """A regular polygon with its corners ``radius`` m around ``centre (2,)``, as an upright solid."""
     angles = 2.0 * np.pi * np.arange(sides) / sides
     corners = radius * np.stack([np.cos(angles), np.sin(angles)], -1)

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim import corruption, traversal
+from sim import cells, corruption, ground, traversal
 from sim.corruption import Effects
+from sim.sightings import Sightings
+from sim.smoke import Haze, Smoke
 from sim.terrain import Terrain
 from sim.world import Obstacles, World, plates
 from slam.recording import Laser
@@ -23,8 +25,9 @@ class Raycaster:
     under them, meets their front, lands on their top, or meets their underside.
     """
 
-    def __init__(self, world: World) -> None:
-        self._prepare(world.obstacles, world.terrain, world.ceiling)
+    def __init__(self, world: World, floor: bool = True) -> None:
+        """Ray caster over all that stands still; without ``floor`` there is no ceiling either."""
+        self._prepare(world.obstacles, world.terrain if floor else None, world.ceiling)
 
     @classmethod
     def from_segments(cls, segments: ArrayLike, heights: ArrayLike | None = None) -> Raycaster:
@@ -38,10 +41,10 @@ class Raycaster:
         return caster
 
     def _prepare(self, obstacles: Obstacles, terrain: Terrain | None = None, ceiling: float = np.inf) -> None:
-        ground = (terrain or Terrain.level([0.0, 0.0], [1.0, 1.0], 1.0)).field
-        grid = traversal.build_grid(obstacles)
-        self._solid = traversal.Scene(obstacles, grid, ground, terrain is not None, float(ceiling))
-        self._planar = self._solid._replace(obstacles=obstacles.without_heights(), has_ground=False)
+        field = (terrain or Terrain.level([0.0, 0.0], [1.0, 1.0], 1.0)).field
+        self._scene = traversal.Scene(
+            obstacles, cells.build(obstacles), ground.build(field), terrain is not None, float(ceiling)
+        )
 
     def cast(self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf) -> Array:
         """Slant ranges ``(N, B)`` m of the beams at ``angles (B,)`` rad, NaN where nothing is met.
@@ -50,12 +53,18 @@ class Raycaster:
         left side up and pitch nose down positive, R = Rz(yaw) Ry(pitch) Rx(roll). Nothing is met beyond
         ``range_max``. Raises ``ValueError`` for other shapes or poses that are not finite.
         """
-        return self.cast_with_incidence(poses, angles, range_max)[0]
+        ranges, _ = self._cast(poses, angles, range_max, incidence=False)
+        return ranges
 
     def cast_with_incidence(
         self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf
     ) -> tuple[Array, Array]:
         """Ranges as `cast`, and the cosine of the angle between beam and surface normal, both ``(N, B)``."""
+        return self._cast(poses, angles, range_max, incidence=True)
+
+    def _cast(
+        self, poses: ArrayLike, angles: ArrayLike, range_max: float, incidence: bool
+    ) -> tuple[Array, Array]:
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         angles = np.ascontiguousarray(angles, dtype=np.float64)
         if poses.ndim != 2 or poses.shape[1] not in (3, 6) or angles.ndim != 1:
@@ -64,12 +73,13 @@ class Raycaster:
             )
         if not (np.all(np.isfinite(poses)) and np.all(np.isfinite(angles))):
             raise ValueError("poses and angles must be finite")
-        scene = self._solid
-        if poses.shape[1] == 3:
-            scene, poses = self._planar, np.hstack([poses, np.zeros_like(poses)])
+        planar = poses.shape[1] == 3
+        if planar:
+            poses = np.hstack([poses, np.zeros_like(poses)])
         ranges = np.empty((len(poses), len(angles)))
-        cosines = np.empty_like(ranges)
-        traversal.cast_beams(poses, angles, float(range_max), scene, ranges, cosines)
+        cosines = np.empty_like(ranges) if incidence else np.empty((0, 0))
+        c, s = np.cos(angles), np.sin(angles)
+        traversal.cast_beams(poses, angles, c, s, float(range_max), planar, self._scene, ranges, cosines)
         return ranges, cosines
 
 
@@ -105,6 +115,8 @@ class Scanner:
         ``robot (N, 6)``: x, y, yaw, roll, pitch, z of the ground under it.
         """
         x, y, yaw, roll, pitch, z = np.moveaxis(np.asarray(robot, dtype=np.float64), -1, 0)
+        if not self.effects.tilt:
+            roll, pitch = np.zeros_like(roll), np.zeros_like(pitch)
         mx, my, _ = self.mount
         forward = np.cos(pitch) * mx + np.sin(pitch) * (np.sin(roll) * my + np.cos(roll) * self.height)
         left = np.cos(roll) * my - np.sin(roll) * self.height
@@ -114,13 +126,31 @@ class Scanner:
             [x + c * forward - s * left, y + s * forward + c * left, yaw, roll, pitch, z + up], -1
         )
 
-    def scan(self, caster: Raycaster, robot: ArrayLike, rng: np.random.Generator) -> Array:
-        """Ranges ``(N, B)`` m as the laser reports them from robot poses (N, 6), NaN without return."""
+    def caster(self, world: World) -> Raycaster:
+        """The still world as this laser's effects let it be seen."""
+        return Raycaster(world if self.effects.heights else world.without_heights(), self.effects.floor)
+
+    def scan(
+        self,
+        caster: Raycaster,
+        robot: ArrayLike,
+        rng: np.random.Generator,
+        movers: Sightings | None = None,
+        smoke: Smoke | None = None,
+    ) -> Array:
+        """Ranges ``(N, B)`` m as the laser reports them from robot poses (N, 6), NaN without return.
+
+        ``caster`` sees what stands still; ``movers`` at the N scans and ``smoke`` come before that.
+        """
         poses = self.sensor_poses(robot)
         spread = self.effects.footprint(self.angles + self.mount[2])
         reach = self.range_max + 1.0  # sub-rays beyond the limit still belong to a mixed pixel
         ranges, cosines = caster.cast_with_incidence(poses, spread.ravel(), reach)
-        shape = (len(poses), *spread.shape)
+        if movers is not None:
+            seen = movers if self.effects.heights else movers.without_heights()
+            ranges, cosines = seen.cast(poses, spread.ravel(), reach, ranges, cosines)
+        haze = None if smoke is None else Haze(smoke.field, poses, self.angles + self.mount[2])
+        shape, limits = (len(poses), *spread.shape), (self.range_min, self.range_max)
         return corruption.corrupt(
-            ranges.reshape(shape), cosines.reshape(shape), self.effects, (self.range_min, self.range_max), rng
+            ranges.reshape(shape), cosines.reshape(shape), self.effects, limits, rng, haze
         )

@@ -41,9 +41,7 @@ class Debris:
     @property
     def shape(self) -> Prism:
         """The solid in its body frame."""
-        return Prism(
-            self.prism.footprint - self.centre, self.prism.z_lo, self.prism.z_hi, self.prism.kind
-        )
+        return Prism(self.prism.footprint - self.centre, self.prism.z_lo, self.prism.z_hi, self.prism.kind)
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ class Walker:
         return math.atan2(self._sense * ey, self._sense * ex)
 
     def step(self, robot: tuple[float, float], dt: float) -> None:
-        """Walk on for ``dt`` s; near the robot (x, y) only away from it, and not at all where both ways near it."""
+        """Walk on for ``dt`` s; close to the ``robot`` (x, y) only away from it, else stand."""
         stride = self.person.speed * dt
         gap = _distance(self.place, robot)
         for sense in (self._sense, -self._sense):

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 
-from sim import inertial
+from sim import inertial, odometry
 from sim.driver import Driver, DriverConfig, Ending
 from sim.inertial import InertialConfig, ShockConfig
-from sim.laser import Raycaster, Scanner
+from sim.laser import Scanner
+from sim.odometry import OdometryConfig
 from sim.robot import Robot, RobotConfig
+from sim.sightings import Sightings
 from sim.world import World
 from slam import se2
-from slam.recording import Recording
+from slam.recording import Recording, Source
 from slam.se2 import Array
+
+DeadReckoning = Literal["ins", "odometry"]
 
 PHYSICS_STEP = 0.01
 """Seconds per physics step."""
@@ -30,7 +34,9 @@ READING_EVERY = 10
 class Setup:
     """All that a run needs: a world, a start ``(x, y, yaw)``, waypoints ``(K, 2)`` m, and who is in it.
 
-    A scan is taken every ``scan_interval`` s, give or take ``scan_jitter`` (standard deviation).
+    ``dead_reckoning`` says which of ``inertial`` and ``odometry`` the recording has; a robot that relies on
+    its encoders has no INS, hence no attitude. A scan is taken every ``scan_interval`` s, give or take
+    ``scan_jitter`` (standard deviation).
     """
 
     world: World
@@ -38,11 +44,28 @@ class Setup:
     waypoints: Array
     robot: RobotConfig = field(default_factory=RobotConfig)
     scanner: Scanner = field(default_factory=Scanner)
+    dead_reckoning: DeadReckoning = "ins"
     inertial: InertialConfig = field(default_factory=InertialConfig)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
     shock: ShockConfig = field(default_factory=ShockConfig)
     driver: DriverConfig = field(default_factory=DriverConfig)
     scan_interval: float = 0.30
     scan_jitter: float = 0.01
+
+    def __post_init__(self) -> None:
+        if self.dead_reckoning not in get_args(DeadReckoning):
+            raise ValueError(
+                f"dead reckoning: expected one of {get_args(DeadReckoning)}, got {self.dead_reckoning!r}"
+            )
+
+    @property
+    def source(self) -> Source:
+        """In which frame increments of the dead reckoning hold: USARSim's INS alone has them in the world's.
+
+        A consistent INS turns its position increments by its own yaw, as odometry does.
+        """
+        usarsim = self.dead_reckoning == "ins" and self.inertial.model == "usarsim"
+        return "ins" if usarsim else "odometry"
 
 
 class Buildable(Protocol):
@@ -58,15 +81,18 @@ class Buildable(Protocol):
 
 @dataclass(frozen=True)
 class Drive:
-    """What happened, at every INS reading: ``time (M,)`` s, ``states (M, 6)`` (x, y, yaw not wrapped, roll,
-    pitch, height), the largest ``impulse (M,)`` N s since the reading before, the rows of the
-    readings at which
-    a scan was taken, and why it ended.
+    """What happened, at every reading of the sensors of motion; a scan was taken at the ``scan_rows (N,)``.
+
+    ``time (M,)`` s; ``states (M, 6)``: x, y, yaw not wrapped, roll, pitch, height; ``impulse (M,)``: the
+    largest N s since the reading before; ``tracks (M, 2)``: m that the left and right track have driven;
+    ``movers (N, K, 3)``: poses of debris and people at the scans; ``ending``: why it ended.
     """
 
     time: Array
     states: Array
     impulse: Array
+    tracks: Array
+    movers: Array
     scan_rows: np.ndarray
     ending: Ending
 
@@ -75,26 +101,31 @@ class Drive:
 class SimulatedRun:
     """A recording, and what only a simulator knows.
 
-    ``walls (S, 4)`` m: outlines of everything at the laser's height; ``tilt (N, 2)``: true roll and pitch
-    rad at the scans; ``ending``: why the drive ended; ``setup`` it came from.
+    ``walls (S, 4)`` m: outlines of all that stands still at the laser's height; ``movers (N, K, 3)``: poses
+    of the world's debris, then of its people, at the scans; ``tilt (N, 2)``: true roll and pitch rad at the
+    scans; ``ending``: why the drive ended; ``setup`` it came from.
     """
 
     recording: Recording
     walls: Array
+    movers: Array
     tilt: Array
     ending: Ending
     setup: Setup
 
 
-def simulate(scenario: Buildable, seed: int) -> SimulatedRun:
-    """Simulate a scenario. The same scenario and seed give the same bytes.
+def simulate(scenario: Buildable, seed: int, dead_reckoning: DeadReckoning | None = None) -> SimulatedRun:
+    """Simulate a scenario, with its own ``dead_reckoning`` or another.
 
-    Every draw comes from one generator, seeded by ``seed`` and the scenario's name; each stage has a stream
-    of its own, so that a change of the laser leaves the drive as it was.
+    The same arguments give the same bytes: every draw comes from one generator, seeded by ``seed`` and the
+    scenario's name. Each stage has a stream of its own, so that a change of the laser leaves the drive as it
+    was.
     """
     rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode())])
     building, driving, scanning, reckoning = rng.spawn(4)
     setup = scenario.build(building)
+    if dead_reckoning is not None:
+        setup = replace(setup, dead_reckoning=dead_reckoning)
     return observe(scenario.name, setup, drive(setup, driving), scanning, reckoning)
 
 
@@ -103,57 +134,106 @@ def drive(setup: Setup, rng: np.random.Generator) -> Drive:
     deciding, shaking, timing = rng.spawn(3)
     robot = Robot(setup.world, setup.start, setup.robot)
     driver = Driver(setup.waypoints, setup.driver, deciding)
-    steps, states, impulses, scan_rows = [0], [robot.state], [0.0], [0]
-    next_scan = setup.scan_interval
-    impulse, tracks, step = 0.0, (0.0, 0.0), 0
+    log = _Log(robot)
+    next_scan, speeds, step = setup.scan_interval, (0.0, 0.0), 0
     while True:
         if step % CONTROL_EVERY == 0:
             x, y, yaw, roll, pitch, _ = robot.state
             wanted = driver.command(step * PHYSICS_STEP, (x, y, yaw), (roll, pitch), robot.roughness)
             if isinstance(wanted, str):
-                ending = wanted
-                break
-            tracks = setup.robot.track_speeds(*wanted)
-        robot.step(*tracks, PHYSICS_STEP, shaking)
-        impulse, step = max(impulse, robot.impulse), step + 1
+                return log.drive(wanted)
+            speeds = setup.robot.track_speeds(*wanted)
+        robot.step(*speeds, PHYSICS_STEP, shaking)
+        step += 1
+        log.feel(speeds, robot.impulse)
         scanning = step * PHYSICS_STEP >= next_scan
         if scanning:
-            scan_rows.append(len(states))
             next_scan += setup.scan_interval + setup.scan_jitter * timing.standard_normal()
         if scanning or step % READING_EVERY == 0:
-            steps.append(step)
-            states.append(robot.state)
-            impulses.append(impulse)
-            impulse = 0.0
-    time = PHYSICS_STEP * np.array(steps)
-    return Drive(time, np.array(states), np.array(impulses), np.array(scan_rows), ending)
+            log.read(step, robot, scanning)
+
+
+class _Log:
+    """Readings gathered on a drive; the first, at rest, is also that of a scan."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._steps: list[int] = []
+        self._states: list[tuple[float, ...]] = []
+        self._impulses: list[float] = []
+        self._tracks: list[tuple[float, float]] = []
+        self._movers: list[list[tuple[float, float, float]]] = []
+        self._scan_rows: list[int] = []
+        self._impulse, self._left, self._right = 0.0, 0.0, 0.0
+        self.read(0, robot, scanning=True)
+
+    def feel(self, speeds: tuple[float, float], impulse: float) -> None:
+        """One physics step: what the tracks turned, and the hardest blow."""
+        self._left += speeds[0] * PHYSICS_STEP
+        self._right += speeds[1] * PHYSICS_STEP
+        self._impulse = max(self._impulse, impulse)
+
+    def read(self, step: int, robot: Robot, scanning: bool) -> None:
+        """One reading, with or without a scan."""
+        if scanning:
+            self._scan_rows.append(len(self._steps))
+            self._movers.append(robot.movers)
+        self._steps.append(step)
+        self._states.append(robot.state)
+        self._impulses.append(self._impulse)
+        self._tracks.append((self._left, self._right))
+        self._impulse = 0.0
+
+    def drive(self, ending: Ending) -> Drive:
+        """The whole drive."""
+        return Drive(
+            time=PHYSICS_STEP * np.array(self._steps),
+            states=np.array(self._states),
+            impulse=np.array(self._impulses),
+            tracks=np.array(self._tracks),
+            movers=np.array(self._movers).reshape(len(self._scan_rows), -1, 3),
+            scan_rows=np.array(self._scan_rows),
+            ending=ending,
+        )
 
 
 def observe(
     name: str, setup: Setup, driven: Drive, scanning: np.random.Generator, reckoning: np.random.Generator
 ) -> SimulatedRun:
-    """What laser and INS say about a drive."""
-    shocking, drifting, tilting = reckoning.spawn(3)
+    """What laser, and INS or encoders, say about a drive."""
     rows = driven.scan_rows
     seen = driven.states[rows]
-    jumps = inertial.shocks(driven.time, driven.impulse, setup.shock, shocking)
-    ins = inertial.dead_reckon(driven.states[:, :3], driven.time, jumps[:, 0], setup.inertial, drifting)
-    tilt = driven.states[:, 3:5]
-    reported = inertial.attitude(tilt, jumps[:, 1], setup.inertial, tilting)
-    ranges = setup.scanner.scan(Raycaster(setup.world), seen, scanning)
+    world, scanner = setup.world, setup.scanner
+    movers = Sightings.on_ground(world.movers, driven.movers, world.terrain) if driven.movers.size else None
+    ranges = scanner.scan(scanner.caster(world), seen, scanning, movers, world.smoke)
+    reckoned, attitude = _reckon(setup, driven, reckoning)
     recording = Recording(
         name=name,
         time=driven.time[rows],
         ranges=ranges,
-        angles=setup.scanner.angles,
-        laser=setup.scanner.laser,
-        dead_reckoning=_wrapped(ins[rows]),
-        source="ins",
-        attitude=se2.wrap(reported[rows]),
+        angles=scanner.angles,
+        laser=scanner.laser,
+        dead_reckoning=_wrapped(reckoned[rows]),
+        source=setup.source,
+        attitude=None if attitude is None else se2.wrap(attitude[rows]),
         truth=_wrapped(seen[:, :3]),
     )
-    walls = setup.world.outlines(setup.scanner.height)
-    return SimulatedRun(recording, walls, tilt[rows], driven.ending, setup)
+    walls = world.outlines(scanner.height)
+    return SimulatedRun(recording, walls, driven.movers, seen[:, 3:5], driven.ending, setup)
+
+
+def _reckon(setup: Setup, driven: Drive, rng: np.random.Generator) -> tuple[Array, Array | None]:
+    """Dead reckoning ``(M, 3)`` and, where an INS is aboard, attitude ``(M, 2)`` at every reading."""
+    shocking, drifting, tilting, slipping = rng.spawn(4)
+    tilt = driven.states[:, 3:5]
+    if setup.dead_reckoning == "odometry":
+        start, gauge = driven.states[0, :3], setup.robot.width
+        reckoned = odometry.dead_reckon(
+            start, driven.tracks, tilt, driven.time, gauge, setup.odometry, slipping
+        )
+        return reckoned, None
+    jumps = inertial.shocks(driven.time, driven.impulse, setup.shock, shocking)
+    ins = inertial.dead_reckon(driven.states[:, :3], driven.time, jumps[:, 0], setup.inertial, drifting)
+    return ins, inertial.attitude(tilt, jumps[:, 1], setup.inertial, tilting)
 
 
 def _wrapped(poses: Array) -> Array:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pymunk
 
+from sim.surroundings import GRAVITY, SURFACE_FRICTION, Surroundings
 from sim.terrain import HeightField, footprint_plane, height_at
 from sim.world import World
-
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
@@ -63,16 +62,17 @@ class Robot:
         self.config = config
         self._ground: HeightField = world.terrain.field
         self._roughness: HeightField = world.terrain.roughness_field
-        self._space = _space(world, config)
+        self._surroundings = Surroundings(world, config.step_height, config.height)
         inertia = pymunk.moment_for_box(config.mass, (config.length, config.width))
         self._body = pymunk.Body(config.mass, inertia)
         self._body.position = pose[:2]
         self._body.angle = pose[2]
         shape = pymunk.Poly.create_box(self._body, (config.length, config.width))
-        shape.friction = 0.3
+        shape.friction = SURFACE_FRICTION
         shape.collision_type = 1
-        self._space.add(self._body, shape)
-        self._space.on_collision(1, None, post_solve=self._feel)
+        space = self._surroundings.space
+        space.add(self._body, shape)
+        space.on_collision(1, None, post_solve=self._feel)
         self.impulse = 0.0
         self._falling = 0.0
         self.height, forward, left = self._plane()
@@ -91,6 +91,11 @@ class Robot:
         return *self.pose, self._roll.angle, self._pitch.angle, self.height
 
     @property
+    def movers(self) -> list[tuple[float, float, float]]:
+        """Poses x, y, yaw of the debris, then of the people."""
+        return self._surroundings.movers
+
+    @property
     def roughness(self) -> float:
         """Tilt [rad] that the rubble under the robot adds."""
         return height_at(*self._body.position, self._roughness)
@@ -104,7 +109,7 @@ class Robot:
         height, forward, sideways = self._plane()
         self._push(left, right, forward, sideways)
         self.impulse = 0.0
-        self._space.step(dt)
+        self._surroundings.step(self._body.position, dt)
         self._fall(height, dt)
         shake_roll, shake_pitch = rng.standard_normal(2) * self.roughness * self._moving()
         self._roll.step(float(np.arctan(sideways)), shake_roll, dt)
@@ -149,15 +154,3 @@ class Robot:
 
     def _feel(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
         self.impulse = max(self.impulse, arbiter.total_impulse.length)
-
-
-def _space(world: World, config: RobotConfig) -> pymunk.Space:
-    """Top view without gravity, with every solid that reaches into the robot's height."""
-    space = pymunk.Space()
-    space.collision_slop = 0.005
-    for prism in world.prisms:
-        if prism.z_hi > config.step_height and prism.z_lo < config.height:
-            shape = pymunk.Poly(space.static_body, [tuple(corner) for corner in prism.footprint])
-            shape.friction = 0.3
-            space.add(shape)
-    return space

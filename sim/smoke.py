@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from sim.beams import beam_directions
-from sim.terrain import HeightField, clip_to, height_at
+from sim.terrain import HeightField, clip_to
 from slam.se2 import Array
 
 
@@ -52,7 +52,7 @@ class Smoke:
         return self._thicker(radius - np.hypot(x - cx, y - cy), extinction, edge)
 
     def with_polygon(self, corners: ArrayLike, extinction: float, edge: float = 0.0) -> Smoke:
-        """More smoke, in a simple polygon ``corners (K, 2)`` m: thinner over the ``edge`` m within its sides."""
+        """More smoke, in a simple polygon ``corners (K, 2)`` m: it thins out over the outer ``edge`` m."""
         x, y = self._nodes()
         corners = np.asarray(corners, dtype=np.float64)
         inside = np.zeros(x.shape, dtype=bool)
@@ -79,7 +79,7 @@ class Smoke:
 
 
 class Haze(NamedTuple):
-    """Smoke as seen from the laser: the smoke's field, sensor ``poses (N, 6)`` and beam ``angles (B,)`` rad."""
+    """Smoke as the laser sees it: its field, sensor ``poses (N, 6)`` and beam ``angles (B,)`` rad."""
 
     field: HeightField
     poses: Array
@@ -90,7 +90,7 @@ class Haze(NamedTuple):
 
         ``ranges (N, B)`` m to what each beam would meet in clear air; a beam is scattered where its optical
         depth reaches ``thickness (N, B)``. Returns the distance m, inf for a beam that gets through, and the
-        optical depth up to the range.
+        optical depth up to there or up to the range.
         """
         at, depth = np.empty_like(ranges), np.empty_like(ranges)
         _scatter(self.poses, self.angles, ranges, thickness, self.field, at, depth)
@@ -110,54 +110,61 @@ def _scatter(poses, angles, ranges, thickness, field, at, depth):
 
 @njit(cache=True, error_model="numpy")
 def pierce(x, y, dx, dy, reach, thickness, field):
-    """Distance at which a ray's optical depth comes to ``thickness`` (else inf), and the depth at ``reach``.
+    """Distance at which a ray's optical depth comes to ``thickness`` (else inf), and the depth at its end.
 
-    The ray is point + r · direction. Cell by cell κ is bilinear, hence quadratic along the ray, and Simpson's
-    rule integrates it exactly.
+    The ray is point + r · direction and ends there or at ``reach``. Cell by cell κ is bilinear, hence
+    quadratic along the ray, and its integral a cubic: exact, whatever the resolution.
     """
     rows, columns = field.heights.shape
     res = field.resolution
     enter, leave = clip_to(x, dx, field.x0, field.x0 + (columns - 1) * res, 0.0, reach)
     enter, leave = clip_to(y, dy, field.y0, field.y0 + (rows - 1) * res, enter, leave)
-    depth, at = 0.0, np.inf
     if not enter < leave or (dx == 0.0 and dy == 0.0):
-        return at, depth
+        return np.inf, 0.0
     i = min(max(int((x + dx * enter - field.x0) / res), 0), columns - 2)
     j = min(max(int((y + dy * enter - field.y0) / res), 0), rows - 2)
-    r = enter
+    depth, r = 0.0, enter
     while r < leave and 0 <= i < columns - 1 and 0 <= j < rows - 1:
         next_x = (field.x0 + (i + (dx > 0.0)) * res - x) / dx if dx != 0.0 else np.inf
         next_y = (field.y0 + (j + (dy > 0.0)) * res - y) / dy if dy != 0.0 else np.inf
         end = max(r, min(next_x, next_y, leave))
-        more = _simpson(x, y, dx, dy, r, end, field)
-        if at == np.inf and depth + more >= thickness:
-            at = _crossing(x, y, dx, dy, r, end, thickness - depth, field)
+        a, b, c = _along(x + dx * r, y + dy * r, dx, dy, i, j, field)
+        more = _depth(a, b, c, end - r)
+        if depth + more >= thickness:
+            return r + _crossing(a, b, c, end - r, thickness - depth), thickness
         depth += more
         if next_x <= next_y:
             i += 1 if dx > 0.0 else -1
         else:
             j += 1 if dy > 0.0 else -1
         r = end
-    return at, depth
+    return np.inf, depth
 
 
 @njit(cache=True, error_model="numpy")
-def _simpson(x, y, dx, dy, start, end, field):
-    """Integral of κ along a ray within one cell."""
-    middle = 0.5 * (start + end)
-    total = height_at(x + dx * start, y + dy * start, field)
-    total += 4.0 * height_at(x + dx * middle, y + dy * middle, field)
-    total += height_at(x + dx * end, y + dy * end, field)
-    return total * (end - start) / 6.0
+def _along(x, y, dx, dy, i, j, field):
+    """κ on a ray in cell (i, j) as a + b t + c t², t m after the point (x, y)."""
+    k = field.heights
+    k00, k10, k01, k11 = k[j, i], k[j, i + 1], k[j + 1, i], k[j + 1, i + 1]
+    fx, fy = (x - field.x0) / field.resolution - i, (y - field.y0) / field.resolution - j
+    gx, gy = dx / field.resolution, dy / field.resolution
+    p, q, w = k10 - k00, k01 - k00, k11 - k10 - k01 + k00
+    return k00 + p * fx + q * fy + w * fx * fy, p * gx + q * gy + w * (fx * gy + fy * gx), w * gx * gy
 
 
 @njit(cache=True, error_model="numpy")
-def _crossing(x, y, dx, dy, start, end, wanted, field):
-    """Distance within one cell by which the integral of κ from ``start`` has grown to ``wanted``."""
-    low, high = start, end
+def _depth(a, b, c, t):
+    """Integral of κ over the first ``t`` m."""
+    return ((c * t / 3.0 + 0.5 * b) * t + a) * t
+
+
+@njit(cache=True, error_model="numpy")
+def _crossing(a, b, c, span, wanted):
+    """Length within ``span`` m over which the integral of κ grows to ``wanted``."""
+    low, high = 0.0, span
     for _ in range(50):
         middle = 0.5 * (low + high)
-        if _simpson(x, y, dx, dy, start, middle, field) < wanted:
+        if _depth(a, b, c, middle) < wanted:
             low = middle
         else:
             high = middle

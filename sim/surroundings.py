@@ -1,4 +1,4 @@
-"""What the robot can run into, as physics: the solids of a world, its debris and its people, seen from above."""
+"""What the robot can run into, as physics seen from above: solids, debris and people."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from sim.world import World
 GRAVITY = 9.81
 SURFACE_FRICTION = 0.3
 """Between the sides of solids that touch."""
+STRIDE = 5
+"""Steps of physics between two decisions of a walker, who keeps on straight in between."""
 
 
 class Surroundings:
     """A pymunk space without gravity with every solid that reaches between ``z_lo`` and ``z_hi`` m."""
 
     def __init__(self, world: World, z_lo: float, z_hi: float) -> None:
-        self.space = pymunk.Space()
+        self.space = pymunk.Space()  # never let bodies sleep: to free one with joints crashes pymunk 7
         self.space.collision_slop = 0.005
         self._z_lo, self._z_hi = z_lo, z_hi
         for prism in world.prisms:
@@ -25,6 +27,7 @@ class Surroundings:
         self._debris = [self._lay(debris) for debris in world.debris]
         self._walkers = [Walker(person) for person in world.people]
         self._people = [self._put(walker) for walker in self._walkers]
+        self._steps = 0
 
     @property
     def movers(self) -> list[tuple[float, float, float]]:
@@ -33,12 +36,17 @@ class Surroundings:
 
     def step(self, robot: tuple[float, float], dt: float) -> None:
         """Let people walk, given where the ``robot`` (x, y) is, and advance all bodies by ``dt`` s."""
+        if self._steps % STRIDE == 0:
+            self._walk(robot, STRIDE * dt)
+        self._steps += 1
+        self.space.step(dt)
+
+    def _walk(self, robot: tuple[float, float], dt: float) -> None:
         for walker, body in zip(self._walkers, self._people, strict=True):
             walker.step(robot, dt)
             (x, y), at = walker.place, body.position
             body.velocity = (x - at.x) / dt, (y - at.y) / dt
             body.angle = walker.heading
-        self.space.step(dt)
 
     def _place(self, prism: Prism, body: pymunk.Body) -> None:
         if prism.z_hi > self._z_lo and prism.z_lo < self._z_hi:

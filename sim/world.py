@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sim.floorplan import Prism, outlines
+from sim.movers import Debris, Person
+from sim.smoke import Smoke
 from sim.terrain import Terrain
 from slam.se2 import Array
 
@@ -76,16 +78,29 @@ def _planes(edges: Array) -> Array:
 
 @dataclass(frozen=True)
 class World:
-    """Solids on a terrain under a level ``ceiling`` [m] (infinite: open sky)."""
+    """Solids on a terrain under a level ``ceiling`` [m] (infinite: open sky); smoke, debris and people."""
 
     prisms: tuple[Prism, ...]
     terrain: Terrain
     ceiling: float = np.inf
+    smoke: Smoke | None = None
+    debris: tuple[Debris, ...] = ()
+    people: tuple[Person, ...] = ()
 
     @property
     def obstacles(self) -> Obstacles:
-        """All solids as arrays."""
+        """All solids that stay where they are, as arrays."""
         return solids(self.prisms)
+
+    @property
+    def movers(self) -> Obstacles:
+        """Debris, then people, as arrays: each solid in its body frame."""
+        return solids([*(d.shape for d in self.debris), *(p.shape for p in self.people)])
+
+    def without_heights(self) -> World:
+        """The same world with its still solids endlessly high."""
+        endless = (replace(prism, z_lo=-np.inf, z_hi=np.inf) for prism in self.prisms)
+        return replace(self, prisms=tuple(endless))
 
     def outlines(self, z: float) -> Array:
         """Edges ``(S, 4)`` m of what a plane at height ``z`` cuts: the true map of a level laser."""

@@ -14,11 +14,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A world, a route and its hazards: ``summary`` says why it exists, ``builder`` is module:function."""
+    """A world, a route and its hazards: ``summary`` says why it exists, ``builder`` is module:function.
+
+    ``size_m``: of the ground it covers, along x and y; ``drive_m``: length of a drive, about.
+    """
 
     name: str
     summary: str
     builder: str
+    size_m: tuple[float, float]
+    drive_m: float
 
     def build(self, rng: np.random.Generator) -> Setup:
         """Draw the scenario's set-up: its character is fixed, furniture, hazards and exact route are not."""
@@ -31,6 +36,57 @@ _SCENARIOS = (
         "hospital",
         "Corridors, rooms and a hall; sills, rubble and a fall make the matcher lose its place.",
         "scenarios.catalogue.hospital:build",
+        (39.0, 20.0),
+        175.0,
+    ),
+    Scenario(
+        "office_smoke",
+        "A loop of 50 m through offices full of smoke: gaps without a match, and pieces that hardly overlap.",
+        "scenarios.catalogue.office_smoke:build",
+        (65.0, 59.0),
+        230.0,
+    ),
+    Scenario(
+        "two_drives",
+        "The same offices driven round twice, a blind gap and a fall in between: two maps that overlap all over.",
+        "scenarios.catalogue.two_drives:build",
+        (65.0, 59.0),
+        420.0,
+    ),
+    Scenario(
+        "beehive",
+        "Hexagonal rooms: walls in three directions, and rooms that look alike turned by 60 degrees.",
+        "scenarios.catalogue.beehive:build",
+        (26.0, 24.0),
+        110.0,
+    ),
+    Scenario(
+        "corridor",
+        "Between two bare parallel walls no scan tells how far the robot has come; encoders that slip do.",
+        "scenarios.catalogue.corridor:build",
+        (66.0, 8.0),
+        130.0,
+    ),
+    Scenario(
+        "outdoor",
+        "Trees, rocks and hedges on hilly ground: no straight walls, so the Hough transform finds no lines.",
+        "scenarios.catalogue.outdoor:build",
+        (50.0, 40.0),
+        150.0,
+    ),
+    Scenario(
+        "collapsed",
+        "Rubble everywhere and steep slabs: the laser sees the floor as often as the walls.",
+        "scenarios.catalogue.collapsed:build",
+        (28.0, 22.0),
+        80.0,
+    ),
+    Scenario(
+        "twin_rooms",
+        "Rows of identical rooms, furniture included: a stitch that fits need not be true.",
+        "scenarios.catalogue.twin_rooms:build",
+        (38.0, 11.0),
+        120.0,
     ),
 )
 

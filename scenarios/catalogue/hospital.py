@@ -15,16 +15,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarios.catalogue.building import closed_doors, jittered, walls, with_heaps, with_sills
 from scenarios.catalogue.furnishing import Area, furnish
-from sim.driver import resample
-from sim.floorplan import Door, Prism, box, wall
+from sim.driver import DriverConfig, resample
+from sim.floorplan import Prism
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World
 from slam.se2 import Array
 
 LENGTH = 30.0
-HALL = 8.4
+HALL = 8.8
 """How far the hall at the east end, open to both corridors, reaches beyond them [m]."""
 SOUTH, CORRIDOR_A, CORRIDOR_B, NORTH = (0.0, 5.0), (5.0, 7.0), (12.5, 14.5), (14.5, 19.5)
 MIDDLE = (CORRIDOR_A[1], CORRIDOR_B[0])
@@ -35,8 +36,8 @@ CLEARANCE = 0.42
 """Furniture keeps this far from the route [m]."""
 SHARE_CLOSED = 0.5
 """Of the doors that the route does not use."""
-SILL_HEIGHT, SILL_DEPTH = (0.02, 0.07), 0.25
-RUBBLE_HEIGHT, RUBBLE_RADIUS, RUBBLE_ROUGHNESS, HEAPS = (0.01, 0.03), (0.5, 1.0), np.deg2rad(2.0), 8
+HEAPS = 8
+"""Of rubble, on the route."""
 LEDGE = 0.3
 """What the robot falls from in the first room: the shock upsets the INS [m]."""
 
@@ -74,10 +75,12 @@ def build(rng: np.random.Generator) -> Setup:
     """One hospital: doors, furniture, hazards and the exact route drawn from ``rng``."""
     rooms = draw_rooms(rng)
     route = draw_route(rooms, rng)
-    prisms = [*_walls(rooms), *_closed_doors(rooms, route, rng), *_furniture(rooms, route, rng)]
+    doors = _doors(rooms)
+    shut = closed_doors(doors, route, SHARE_CLOSED, rng)
+    prisms = [*walls(_segments(rooms), doors), *shut, *_furniture(rooms, route, rng)]
     terrain = _hazards(rooms, route, rng)
     start = (float(route[0, 0]), float(route[0, 1]), 0.0)
-    return Setup(World(tuple(prisms), terrain, CEILING), start, route)
+    return Setup(World(tuple(prisms), terrain, CEILING), start, route, driver=DriverConfig(pause_every=14.0))
 
 
 def draw_rooms(rng: np.random.Generator) -> Rooms:
@@ -99,22 +102,25 @@ def draw_rooms(rng: np.random.Generator) -> Rooms:
 
 
 def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
-    """Waypoints ``(K, 2)`` m: two loops that share the hall, three rooms visited and one passed through."""
+    """Waypoints ``(K, 2)`` m: two loops that share the hall; seven rooms visited, one passed through."""
     a, b = 0.5 * sum(CORRIDOR_A), 0.5 * sum(CORRIDOR_B)
-    visited = [rooms.south[0], rooms.south[1], rooms.middle[0]]
+    west = [rooms.south[0], rooms.south[1], rooms.middle[0]]
     legs = [
         [np.array([rng.uniform(11.0, 13.0), a])],
         _visit(rooms.south[rng.choice([3, 4])], a, rng, apart=1.3),
+        _glance(rooms.south[5], a, rng),
         _cross_hall(a, b, rng),
-        _visit(rooms.north[rng.choice([0, 1, 2, 3])], b, rng),
+        _glance(rooms.north[rng.choice([4, 5])], b, rng),
+        _glance(rooms.middle[3], b, rng),
+        _visit(rooms.north[rng.choice([1, 2, 3])], b, rng),
+        _glance(rooms.north[0], b, rng),
         [np.array([0.5 * CROSS, b]), np.array([0.5 * CROSS, a])],
-        _visit(visited[rng.choice(3)], a, rng),
+        _glance(west[rng.choice(3)], a, rng),
         _pass(rooms.middle[2], a, b),
         _cross_hall(b, a, rng),
-        [np.array([rng.uniform(7.0, 10.0), a])],
+        [np.array([rng.uniform(18.0, 22.0), a])],
     ]
-    waypoints = np.array([point for leg in legs for point in leg])
-    return waypoints + rng.uniform(-0.08, 0.08, waypoints.shape)
+    return jittered([point for leg in legs for point in leg], 0.08, rng)
 
 
 def _cross_hall(corridor: float, other: float, rng: np.random.Generator) -> list[Array]:
@@ -142,6 +148,16 @@ def _visit(room: Room, corridor: float, rng: np.random.Generator, apart: float =
     return [outside, step, *spots, step, outside]
 
 
+def _glance(room: Room, corridor: float, rng: np.random.Generator) -> list[Array]:
+    """In by the door, to the middle of the room, and out again."""
+    wall_y = min(room.doors, key=lambda y: abs(y - corridor))
+    door = room.doors[wall_y]
+    inwards = np.sign(wall_y - corridor)
+    spot = np.array([room.centre[0] + rng.uniform(-0.6, 0.6), wall_y + inwards * rng.uniform(1.6, 2.2)])
+    outside, step = np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards])
+    return [outside, step, spot, step, outside]
+
+
 def _pass(room: Room, corridor: float, other: float) -> list[Array]:
     """From one corridor to the other through a room with two doors."""
     walls = sorted(room.doors, key=lambda y: abs(y - corridor))
@@ -155,48 +171,36 @@ def _pass(room: Room, corridor: float, other: float) -> list[Array]:
     ]
 
 
-def _walls(rooms: Rooms) -> list[Prism]:
-    prisms: list[Prism] = []
+def _doors(rooms: Rooms) -> Array:
+    """Every door as (x, y, yaw of its wall): ``(K, 3)``."""
+    return np.array([[x, y, 0.0] for room in rooms.all for y, x in room.doors.items()])
+
+
+def _segments(rooms: Rooms) -> list[tuple[float, float, float, float]]:
+    """The walls, as segments."""
     far, (lower, upper) = LENGTH + HALL, (CORRIDOR_A[0], CORRIDOR_B[1])
-    for x, y0, y1 in (
+    upright = [
         (0.0, SOUTH[0], NORTH[1]),
         (LENGTH, *SOUTH),
         (LENGTH, *MIDDLE),
         (LENGTH, *NORTH),
         (far, lower, upper),
-    ):
-        prisms += wall([x, y0], [x, y1])
-    for y, x0, x1 in (
+        *((room.x0, *room.y) for room in (*rooms.south[1:], *rooms.middle, *rooms.north[1:])),
+    ]
+    across = [
         (SOUTH[0], 0.0, LENGTH),
         (lower, 0.0, far),
         (MIDDLE[0], CROSS, LENGTH),
         (MIDDLE[1], CROSS, LENGTH),
         (upper, 0.0, far),
         (NORTH[1], 0.0, LENGTH),
-    ):
-        doors = [Door(room.doors[y] - x0) for room in rooms.all if y in room.doors]
-        prisms += wall([x0, y], [x1, y], doors)
-    for room in (*rooms.south[1:], *rooms.middle, *rooms.north[1:]):
-        prisms += wall([room.x0, room.y[0]], [room.x0, room.y[1]])
-    return prisms
-
-
-def _closed_doors(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Prism]:
-    """Leaves of most doors that the route does not use."""
-    path = resample(route)
-    leaves = []
-    for room in rooms.all:
-        for y, x in room.doors.items():
-            used = np.hypot(path[:, 0] - x, path[:, 1] - y).min() < 0.5
-            if not used and rng.random() < SHARE_CLOSED:
-                leaves.append(box([x, y, 0.0], 1.0, 0.04, kind="wall"))
-    return leaves
+    ]
+    return [(x, y0, x, y1) for x, y0, y1 in upright] + [(x0, y, x1, y) for y, x0, x1 in across]
 
 
 def _furniture(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Prism]:
     """Beds, desks, cupboards and crates in the rooms, crates and trolleys in the corridors."""
-    doors = [[x, y] for room in rooms.all for y, x in room.doors.items()]
-    keep_clear = np.vstack([resample(route), doors])
+    keep_clear = np.vstack([resample(route), _doors(rooms)[:, :2]])
     placed: list[Prism] = []
     for room in rooms.all:
         kinds = rng.permutation(["bed", "bed", "desk", "cupboard", "crate"])[: rng.integers(3, 6)]
@@ -209,13 +213,7 @@ def _furniture(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Pri
 
 def _hazards(rooms: Rooms, route: Array, rng: np.random.Generator) -> Terrain:
     """Sills in the doors, rubble on the route, and a ledge between the two spots of the first room."""
-    terrain = Terrain.level([-0.5, -0.5], [LENGTH + HALL + 0.5, NORTH[1] + 0.5])
-    for room in rooms.all:
-        for y, x in room.doors.items():
-            terrain = terrain.with_sill([x - 0.5, y], [x + 0.5, y], rng.uniform(*SILL_HEIGHT), SILL_DEPTH)
-    path = resample(route)
-    for at in rng.choice(len(path), HEAPS, replace=False):
-        height, radius = rng.uniform(*RUBBLE_HEIGHT), rng.uniform(*RUBBLE_RADIUS)
-        terrain = terrain.with_rubble(path[at], radius, height, RUBBLE_ROUGHNESS, rng)
+    level = Terrain.level([-0.5, -0.5], [LENGTH + HALL + 0.5, NORTH[1] + 0.5])
+    terrain = with_heaps(with_sills(level, _doors(rooms), rng), route, HEAPS, rng)
     first, second = route[3], route[4]
     return terrain.with_ramp(first + 0.1 * (second - first), first + 0.6 * (second - first), 1.0, LEDGE)

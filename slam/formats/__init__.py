@@ -6,7 +6,7 @@ import re
 from os import PathLike
 from pathlib import Path
 
-from slam.formats import carmen, recording_npz, usarsim
+from slam.formats import carmen, recording_npz, rosbag, usarsim
 from slam.formats import relations as relations_file
 from slam.formats.errors import FormatError
 from slam.formats.text import decode, read_bytes
@@ -20,7 +20,9 @@ CARMEN = re.compile(r"^(FLASER|ODOM|ROBOTLASER1|RAWLASER1|PARAM|SYNC)\b", re.MUL
 
 
 def load(path: str | PathLike[str], relations: str | PathLike[str] | None = None) -> Recording:
-    """Read a recording: USARSim log, CARMEN log (both also gzipped) or recording.npz, recognised by content.
+    """Read a recording: USARSim log, CARMEN log (both also gzipped), recording.npz or ROS 2 bag.
+
+    Files are recognised by content, a bag by its folder's metadata.yaml or by its suffix, .db3 or .mcap.
 
     ``relations`` names a file of true relative poses to score the recording against.
     Raises `FormatError`, one line naming file and line, for anything that cannot be read.
@@ -31,6 +33,8 @@ def load(path: str | PathLike[str], relations: str | PathLike[str] | None = None
 
 
 def _load(path: Path) -> Recording:
+    if rosbag.is_bag(path):
+        return rosbag.read(path)
     data = read_bytes(path)
     if data.startswith(ZIP_MAGIC):
         return recording_npz.parse(data, path)

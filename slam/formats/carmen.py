@@ -3,6 +3,9 @@
 ``FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp`` and
 ``ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp``; the newer ``ROBOTLASER1`` also states its
 field of view. Lines keep their order: stamps of different senders may go backwards.
+
+Our own logs keep more of a recording: truth in ``TRUEPOS``, an INS's attitude in ``IMU``, and what CARMEN has
+no word for in ``PARAM``.
 """
 
 from __future__ import annotations
@@ -10,13 +13,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 from slam import se2
+from slam.formats import quaternion
 from slam.formats.errors import FormatError
-from slam.formats.text import decode, numbers, range_matrix, read_bytes, recording_name
-from slam.recording import Laser, Odometry, Recording
+from slam.formats.pose_records import PoseRecords
+from slam.formats.text import decode, numbers, printable_ranges, range_matrix, read_bytes, recording_name
+from slam.recording import Laser, Odometry, Recording, Source
 from slam.se2 import Array
 
 SICK_RANGE_MAX = 80.0
@@ -27,7 +33,11 @@ SIGMA_RANGE = 0.01
 MOUNT_TOLERANCE = 2e-3
 """Laser and robot poses are logged apart: their difference is a mount if it stays within this [m, rad]."""
 
-NAMES = ("ODOM", "FLASER", "ROBOTLASER1")
+NAMES = ("ODOM", "FLASER", "ROBOTLASER1", "TRUEPOS", "IMU")
+LENGTHS = {"ODOM": 10, "TRUEPOS": 10, "IMU": 17}
+"""Words of a line, its name included."""
+DEAD_RECKONING, RANGE_MINIMUM = "slamstitch_dead_reckoning", "slamstitch_range_min"
+RANGE_DECIMALS = 3
 
 
 @dataclass
@@ -40,7 +50,11 @@ class _Log:
     lines: list[int] = field(default_factory=list)
     scans: list[list[float]] = field(default_factory=list)  # stamp, laser x y theta, robot x y theta
     scan_row: list[int] = field(default_factory=list)
-    geometry: list[float] | None = None  # ROBOTLASER1: start angle, field of view, resolution, maximum range
+    geometry: list[float] | None = None  # ROBOTLASER1: start, field of view, resolution, maximum, accuracy
+    truth: PoseRecords = field(default_factory=PoseRecords)
+    attitude: PoseRecords = field(default_factory=PoseRecords)
+    source: Source = "odometry"
+    range_min: float = RANGE_MIN
 
 
 def read(path: str | PathLike[str]) -> Recording:
@@ -59,10 +73,12 @@ def parse(text: str, path: Path) -> Recording:
     log = _Log(path)
     laser_name = "FLASER" if text.startswith("FLASER ") or "\nFLASER " in text else "ROBOTLASER1"
     for number, line in enumerate(text.split("\n"), start=1):
-        if line.startswith("ODOM "):
-            log.odometry.append(_odom(line.split(), path, number))
-        elif line.startswith(laser_name + " "):
+        if line.startswith(laser_name + " "):
             _read_scan(log, line.split(), number)
+        elif line.startswith(("ODOM ", "TRUEPOS ", "IMU ")):
+            _read_record(log, line.split(), number)
+        elif line.startswith("PARAM slamstitch_"):
+            _read_parameter(log, line.split(), number)
     ranges = range_matrix(log.rows, log.lines, path)
     scans, odometry = np.array(log.scans), np.array(log.odometry)
     laser = _laser(log, ranges, scans)
@@ -77,16 +93,109 @@ def parse(text: str, path: Path) -> Recording:
         angles=_angles(log, ranges.shape[1]),
         laser=laser,
         dead_reckoning=scans[:, 4:7],
-        source="odometry",
+        source=log.source,
         odometry=full_rate,
+        attitude=log.attitude.at_scans(scans[:, 0]) if log.source == "ins" and log.attitude.times else None,
+        truth=log.truth.at_scans(scans[:, 0]) if log.truth.times else None,
     )
 
 
-def _odom(words: list[str], path: Path, line: int) -> list[float]:
-    if len(words) != 10:
-        raise FormatError(f"ODOM of {len(words) - 1} values, expected 9: cut in the middle?", path, line)
-    x, y, theta, stamp = numbers([*words[1:4], words[7]], "ODOM", path, line)
-    return [stamp, x, y, theta]
+def write(path: str | PathLike[str], recording: Recording) -> None:
+    """Write a log that `read` gives back: ranges to the millimetre, all else to six decimals.
+
+    A beam without return prints the maximum range. Scans are ``ROBOTLASER1``, which states the beams' angles;
+    relations go to a file of their own. Raises ``ValueError`` for beams that are not evenly spaced.
+    """
+    geometry = _geometry(recording)
+    ranges = printable_ranges(recording.ranges, recording.laser, RANGE_DECIMALS)
+    lines = [
+        f"# {recording.name}, written by slamstitch",
+        "# message_name [message contents] ipc_timestamp ipc_hostname logger_timestamp",
+        f"PARAM {DEAD_RECKONING} {recording.source} 0 slamstitch 0",
+        f"PARAM {RANGE_MINIMUM} {recording.laser.range_min!r} 0 slamstitch 0",
+    ]
+    logged = 0
+    for k, stamp in enumerate(recording.time.tolist()):
+        if recording.odometry is not None:
+            upto = int(recording.odometry.scan_row[k]) + 1
+            lines += _odometry_lines(recording.odometry, logged, upto)
+            logged = max(logged, upto)
+        lines += _pose_lines(recording, k, stamp)
+        beams = " ".join([f"{r:.{RANGE_DECIMALS}f}" for r in ranges[k].tolist()])
+        laser = se2.compose(recording.dead_reckoning[k], recording.laser.T_robot_laser)
+        poses = _spaced(*laser, *recording.dead_reckoning[k])
+        lines.append(f"ROBOTLASER1 {geometry} {beams} 0 {poses} 0 0 0 0 0 {_stamped(stamp)}")
+    if recording.odometry is not None:
+        lines += _odometry_lines(recording.odometry, logged, len(recording.odometry.time))
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _geometry(recording: Recording) -> str:
+    """``type start fov resolution max accuracy mode n`` of the laser."""
+    angles, laser = recording.angles, recording.laser
+    step = float(angles[-1] - angles[0]) / max(len(angles) - 1, 1)
+    if not np.allclose(np.diff(angles), step):
+        raise ValueError("a CARMEN log needs evenly spaced beams")
+    shape = f"{angles[0]:.10f} {angles[-1] - angles[0]:.10f} {step:.10f}"
+    return f"0 {shape} {laser.range_max:.6f} {laser.sigma_range:.8f} 0 {len(angles)}"
+
+
+def _odometry_lines(odometry: Odometry, start: int, stop: int) -> list[str]:
+    rows = zip(odometry.time[start:stop].tolist(), odometry.poses[start:stop].tolist(), strict=True)
+    return [f"ODOM {_spaced(*pose)} 0 0 0 {_stamped(stamp)}" for stamp, pose in rows]
+
+
+def _pose_lines(recording: Recording, k: int, stamp: float) -> list[str]:
+    """TRUEPOS and IMU of a scan, as far as there are truth and attitude."""
+    lines = []
+    if recording.truth is not None:
+        poses = _spaced(*recording.truth[k], *recording.dead_reckoning[k])
+        lines.append(f"TRUEPOS {poses} {_stamped(stamp)}")
+    if recording.source == "ins" and recording.attitude is not None:
+        roll, pitch = recording.attitude[k].tolist()
+        turned = _spaced(*quaternion.from_angles(roll, pitch, float(recording.dead_reckoning[k, 2])))
+        lines.append(f"IMU 0 0 0 {turned} 0 0 0 0 0 0 {_stamped(stamp)}")
+    return lines
+
+
+def _spaced(*values: float) -> str:
+    return " ".join([f"{value:.6f}" for value in values])
+
+
+def _stamped(stamp: float) -> str:
+    return f"{stamp:.6f} slamstitch {stamp:.6f}"
+
+
+def _read_record(log: _Log, words: list[str], line: int) -> None:
+    """``ODOM x y theta tv rv accel``, ``TRUEPOS`` true x y theta and odometry's, or ``IMU``: 3 accelerations,
+    a quaternion (w, x, y, z), 3 magnetic fields, 3 rates; then the stamp.
+    """
+    name, expected = words[0], LENGTHS[words[0]]
+    if len(words) != expected:
+        message = f"{name} of {len(words) - 1} values, expected {expected - 1}: cut in the middle?"
+        raise FormatError(message, log.path, line)
+    values = numbers([*words[1:-3], words[-3]], name, log.path, line)
+    if name == "ODOM":
+        log.odometry.append([values[-1], *values[:3]])
+    elif name == "TRUEPOS":
+        log.truth.add(values[-1], values[:3])
+    else:
+        if not any(values[3:7]):
+            raise FormatError("IMU quaternion is zero, expected a rotation", log.path, line)
+        log.attitude.add(values[-1], list(quaternion.roll_pitch(*values[3:7])))
+
+
+def _read_parameter(log: _Log, words: list[str], line: int) -> None:
+    """What `write` adds to the log: whose the dead reckoning is, and the smallest range."""
+    if len(words) < 3:
+        raise FormatError(f"PARAM of {len(words) - 1} values, expected a name and a value", log.path, line)
+    if words[1] == DEAD_RECKONING:
+        if words[2] not in get_args(Source):
+            message = f"{DEAD_RECKONING} is {words[2][:20]!r}, expected one of {', '.join(get_args(Source))}"
+            raise FormatError(message, log.path, line)
+        log.source = words[2]  # type: ignore[assignment]  # just checked
+    elif words[1] == RANGE_MINIMUM:
+        log.range_min = numbers(words[2:3], RANGE_MINIMUM, log.path, line)[0]
 
 
 def _read_scan(log: _Log, words: list[str], line: int) -> None:
@@ -99,6 +208,8 @@ def _read_scan(log: _Log, words: list[str], line: int) -> None:
     if not log.odometry or log.odometry[-1][0] != stamp:
         log.odometry.append([stamp, *robot_pose])
     log.scan_row.append(len(log.odometry) - 1)
+    log.truth.scan()
+    log.attitude.scan()
 
 
 _Scan = tuple[list[float], float, list[float], list[float]]
@@ -124,7 +235,7 @@ def _robotlaser(log: _Log, words: list[str], line: int) -> _Scan:
         message = f"ROBOTLASER1 of {len(words) - 1} values, expected {poses + 13}: cut in the middle?"
         raise FormatError(message, path, line)
     if log.geometry is None:
-        log.geometry = numbers(words[2:6], "ROBOTLASER1 geometry", path, line)
+        log.geometry = numbers(words[2:7], "ROBOTLASER1 geometry", path, line)
     ranges = numbers(words[9 : 9 + count], "ROBOTLASER1 range", path, line)
     rest = numbers([*words[poses : poses + 6], words[poses + 11]], "ROBOTLASER1 pose and stamp", path, line)
     return ranges, rest[6], rest[:3], rest[3:6]
@@ -139,15 +250,20 @@ def _count(words: list[str], index: int, what: str, path: Path, line: int) -> in
 
 def _laser(log: _Log, ranges: Array, scans: Array) -> Laser:
     """Limits and mount; the mount is what separates laser and robot pose, where that stays constant."""
-    range_max = SICK_RANGE_MAX
-    if log.geometry is not None and log.geometry[3] > RANGE_MIN:
+    range_max, sigma = SICK_RANGE_MAX, SIGMA_RANGE
+    if log.geometry is not None and log.geometry[3] > log.range_min:
         range_max = min(range_max, log.geometry[3])
+    if log.geometry is not None and log.geometry[4] > 0.0:
+        sigma = log.geometry[4]
+    if not 0.0 <= log.range_min < range_max:
+        message = f"smallest range {log.range_min:g}, largest {range_max:g}, expected 0 <= smallest < largest"
+        raise FormatError(message, log.path)
     T_robot_laser = se2.between(scans[:, 4:7], scans[:, 1:4])
     mount = T_robot_laser[0]
     spread = np.abs(se2.between(mount, T_robot_laser)).max()
     if spread > MOUNT_TOLERANCE or np.abs(mount).max() < MOUNT_TOLERANCE:
         mount = np.zeros(3)
-    return Laser(range_min=RANGE_MIN, range_max=range_max, sigma_range=SIGMA_RANGE, T_robot_laser=mount)
+    return Laser(range_min=log.range_min, range_max=range_max, sigma_range=sigma, T_robot_laser=mount)
 
 
 def _angles(log: _Log, beams: int) -> Array:
@@ -156,7 +272,7 @@ def _angles(log: _Log, beams: int) -> Array:
     With 180 beams the field of view is -90° to 89°, not centred: Intel's map is sharpest so.
     """
     if log.geometry is not None:
-        start, field_of_view, resolution, _ = log.geometry
+        start, field_of_view, resolution = log.geometry[:3]
         if resolution <= 0.0:
             resolution = field_of_view / max(beams - 1, 1)
         if not 0.0 < resolution * (beams - 1) < 6.3:

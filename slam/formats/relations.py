@@ -14,6 +14,16 @@ from slam.recording import Relations
 COLUMNS = "t1 t2 x y z roll pitch yaw"
 
 
+def write(path: str | PathLike[str], relations: Relations) -> None:
+    """Write what `read` reads, with six decimals."""
+    rows = zip(relations.stamps.tolist(), relations.T_12.tolist(), strict=True)
+    lines = [
+        f"{t1:.6f} {t2:.6f} {x:.6f} {y:.6f} 0.000000 0.000000 0.000000 {yaw:.6f}\n"
+        for (t1, t2), (x, y, yaw) in rows
+    ]
+    Path(path).write_text("".join(lines), encoding="utf-8")
+
+
 def read(path: str | PathLike[str]) -> Relations:
     """Read lines ``t1 t2 x y z roll pitch yaw`` [s, m, rad]: the pose at t2 in the frame of the pose at t1.
 

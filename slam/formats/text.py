@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from slam.formats.errors import FormatError
+from slam.recording import Laser
 from slam.se2 import Array
 
 GZIP_MAGIC = b"\x1f\x8b"
@@ -84,9 +85,21 @@ def range_matrix(rows: list[list[float]], lines: list[int], path: Path) -> Array
     return ranges
 
 
+def printable_ranges(ranges: Array, laser: Laser, decimals: int) -> Array:
+    """Ranges ``(N, B)`` m to be printed with so many ``decimals``.
+
+    Rounding takes no return out of the laser's limits; NaN becomes the maximum range, which means no return.
+    """
+    quantum = 10.0**-decimals
+    nearest = max(float(np.ceil(laser.range_min / quantum - 1e-9)), 1.0)
+    beyond = float(np.ceil(laser.range_max / quantum - 1e-9))
+    steps = np.clip(np.round(ranges / quantum), nearest, beyond - 1.0)
+    return quantum * np.where(np.isnan(ranges), beyond, steps)
+
+
 def recording_name(path: Path) -> str:
     """``intel.raw`` for ``intel.raw.log.gz``."""
     name = path.name
-    for suffix in (".gz", ".log", ".txt", ".npz"):
+    for suffix in (".gz", ".log", ".txt", ".npz", ".db3", ".mcap"):
         name = name.removesuffix(suffix)
     return name or path.name

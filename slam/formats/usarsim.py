@@ -16,7 +16,8 @@ from typing import NoReturn
 import numpy as np
 
 from slam.formats.errors import FormatError
-from slam.formats.text import decode, numbers, range_matrix, read_bytes, recording_name
+from slam.formats.pose_records import PoseRecords
+from slam.formats.text import decode, numbers, printable_ranges, range_matrix, read_bytes, recording_name
 from slam.recording import Laser, Recording, Source
 from slam.se2 import Array, rotation, wrap
 
@@ -25,9 +26,13 @@ ROTATOR_UNIT = np.pi / 32768.0
 DEFAULT_LIMITS = {"MinRange": 0.1, "MaxRange": 20.0}
 """Limits [m] of USARSim's standard range scanner, for logs without a CONF line."""
 RANGE_NOISE = 1e-3
-"""Older scanners print a beam without return as the maximum range less up to this share of it."""
+"""Older scanners, which have no CONF line, print a beam without return as the maximum range less up to this
+share of it."""
 SIGMA_RANGE = 0.01
-"""Ranges are printed with two decimals [m]."""
+"""Ranges are printed with two decimals [m]; our own logs say in CONF how noisy they are."""
+RANGE_DECIMALS = 2
+SCANNER = "Scanner1"
+"""What our own logs call the laser."""
 
 TORN_LINE = "line ends in {!r}, expected a closing brace: cut in the middle?"
 FIELD = re.compile(r"\{(\w+) +([^{}]*)\}")
@@ -42,31 +47,6 @@ FLIP = {6: np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]), 3: np.array([1.0, -1.0,
 
 
 @dataclass
-class _Poses:
-    """One pose sensor's records in file order, and how many of them precede each scan."""
-
-    times: list[float] = field(default_factory=list)
-    values: list[list[float]] = field(default_factory=list)
-    before_scan: list[int] = field(default_factory=list)
-
-    def at_scans(self, scan_times: Array) -> Array:
-        """Interpolated ``(N, 3 or 6)``, between the records before and after each scan in file order."""
-        times, values = np.array(self.times), np.array(self.values)
-        values = values * FLIP[values.shape[1]]
-        angles = slice(2, 3) if values.shape[1] == 3 else slice(3, 6)
-        values[:, angles] = np.unwrap(values[:, angles], axis=0)
-        after = np.array(self.before_scan)
-        last = np.clip(after - 1, 0, len(times) - 1)
-        following = np.clip(after, 0, len(times) - 1)
-        gap = times[following] - times[last]
-        share = np.where(gap > 0.0, (scan_times - times[last]) / np.where(gap > 0.0, gap, 1.0), 0.0)
-        share = np.clip(share, 0.0, 1.0)[:, None]
-        result = values[last] + share * (values[following] - values[last])
-        result[:, angles] = wrap(result[:, angles])
-        return result
-
-
-@dataclass
 class _Log:
     """What the lines of one log said so far."""
 
@@ -78,7 +58,9 @@ class _Log:
     scan_times: list[float] = field(default_factory=list)
     scan_lines: list[int] = field(default_factory=list)
     rows: list[list[float]] = field(default_factory=list)
-    poses: dict[str, _Poses] = field(default_factory=lambda: {kind: _Poses() for kind in POSE_FIELDS})
+    poses: dict[str, PoseRecords] = field(
+        default_factory=lambda: {kind: PoseRecords() for kind in POSE_FIELDS}
+    )
     devices: dict[str, dict[str, tuple[int, str]]] = field(default_factory=dict)
 
 
@@ -101,7 +83,9 @@ def parse(text: str, path: Path) -> Recording:
     ranges = range_matrix(log.rows, log.scan_lines, path)
     time = _scan_times(log)
     laser = _laser(log)
-    ranges[(ranges >= (1.0 - RANGE_NOISE) * laser.range_max) | (ranges < laser.range_min)] = np.nan
+    stated = "MaxRange" in log.devices.get(log.scanner or "", {})
+    farthest = laser.range_max if stated else (1.0 - RANGE_NOISE) * laser.range_max
+    ranges[(ranges >= farthest) | (ranges < laser.range_min)] = np.nan
     source, reckoned = _dead_reckoning(log, time)
     truth = log.poses["GroundTruth"]
     return Recording(
@@ -115,6 +99,72 @@ def parse(text: str, path: Path) -> Recording:
         attitude=reckoned[:, 3:5] if source == "ins" else None,
         truth=_planar(truth.at_scans(time)) if truth.times else None,
     )
+
+
+def write(path: str | PathLike[str], recording: Recording) -> None:
+    """Write a log that `read` gives back: ranges to the centimetre, all else to six decimals.
+
+    A beam without return prints the maximum range. Not kept: full-rate odometry, relations, and the attitude
+    of a recording without INS. Raises ``ValueError`` for beams that the format cannot say: fewer than two,
+    unevenly spaced, or none to the right.
+    """
+    fov, step = _field_of_view(recording.angles)
+    ranges = printable_ranges(recording.ranges, recording.laser, RANGE_DECIMALS)
+    shape = f"{{Name {SCANNER}}} {{Resolution {step:.10f}}} {{FOV {fov:.10f}}}"
+    lines = _header(recording)
+    for k, time in enumerate(recording.time.tolist()):
+        stamp = f"{{Time {time:.6f}}}"
+        if recording.truth is not None:
+            x, y, yaw = recording.truth[k]
+            lines.append(_pose_line(stamp, "GroundTruth", (x, y, 0.0, 0.0, 0.0, yaw)))
+        lines.append(_dead_reckoning_line(stamp, recording, k))
+        beams = ",".join([f"{r:.{RANGE_DECIMALS}f}" for r in ranges[k].tolist()])
+        lines.append(f"SEN {stamp} {{Type RangeScanner}} {shape} {{Range {beams}}}")
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _field_of_view(angles: Array) -> tuple[float, float]:
+    """Field of view and step [rad] of evenly spaced beams from -FOV/2 up."""
+    if len(angles) < 2 or not np.allclose(np.diff(angles), (angles[-1] - angles[0]) / (len(angles) - 1)):
+        raise ValueError("a USARSim log needs at least two beams, evenly spaced")
+    if not angles[0] < 0.0:
+        raise ValueError(f"a USARSim log needs its first beam to the right, got {angles[0]:g} rad")
+    return -2.0 * float(angles[0]), float(angles[-1] - angles[0]) / (len(angles) - 1)
+
+
+def _header(recording: Recording) -> list[str]:
+    """Spawn pose, and the laser's mount, which USARSim prints along the world's axes."""
+    laser = recording.laser
+    start = (recording.dead_reckoning if recording.truth is None else recording.truth)[0]
+    x, y, yaw = FLIP[3] * start
+    mount = FLIP[3] * laser.T_robot_laser
+    mx, my = rotation(yaw) @ mount[:2]
+    limits = f"{{MaxRange {laser.range_max:.6f}}} {{MinRange {laser.range_min:.6f}}}"
+    return [
+        "# UvA Rescue Team Logfile",
+        f"# {recording.name}, written by slamstitch",
+        "",
+        f"INIT {{ClassName USARBot.kenaf}} {{Name Robot1}} {{Location {x:.6f},{y:.6f},0.000000}}"
+        f" {{Rotation 0.000000,0.000000,{yaw:.6f}}}",
+        f"GEO {{Type RangeScanner}} {{Name {SCANNER}}} {{Location {mx:.6f},{my:.6f},0.000000}}"
+        f" {{Orientation 0.000000,0.000000,{mount[2]:.6f}}}",
+        f"CONF {{Type RangeScanner}} {{Name {SCANNER}}} {limits} {{SigmaRange {laser.sigma_range:.8f}}}",
+    ]
+
+
+def _dead_reckoning_line(stamp: str, recording: Recording, k: int) -> str:
+    x, y, yaw = recording.dead_reckoning[k]
+    if recording.source == "odometry":
+        x, y, yaw = FLIP[3] * (x, y, yaw)
+        return f"SEN {stamp} {{Type Odometry}} {{Name Odometry}} {{Pose {x:.6f},{y:.6f},{yaw:.6f}}}"
+    roll, pitch = (0.0, 0.0) if recording.attitude is None else recording.attitude[k]
+    return _pose_line(stamp, "INS", (x, y, 0.0, roll, pitch, yaw))
+
+
+def _pose_line(stamp: str, kind: str, pose: tuple[float, ...]) -> str:
+    x, y, z, roll, pitch, yaw = FLIP[6] * pose
+    place = f"{{Location {x:.6f},{y:.6f},{z:.6f}}} {{Orientation {roll:.6f},{pitch:.6f},{yaw:.6f}}}"
+    return f"SEN {stamp} {{Type {kind}}} {{Name {kind}}} {place}"
 
 
 def _read_line(log: _Log, line: str, number: int) -> None:
@@ -152,8 +202,7 @@ def _read_sensor(log: _Log, line: str, number: int, time: float) -> None:
         value: list[float] = []
         for key in POSE_FIELDS[kind]:
             value += _triple(log, number, f"{kind} {key}", fields.get(key))
-        poses.times.append(time)
-        poses.values.append(value)
+        poses.add(time, (FLIP[len(value)] * value).tolist())
 
 
 def _read_scan(log: _Log, fields: dict[str, str], number: int, time: float) -> None:
@@ -168,7 +217,7 @@ def _read_scan(log: _Log, fields: dict[str, str], number: int, time: float) -> N
     log.scan_times.append(time)
     log.scan_lines.append(number)
     for poses in log.poses.values():
-        poses.before_scan.append(len(poses.times))
+        poses.scan()
 
 
 def _devices(line: str) -> tuple[dict[str, dict[str, str]], dict[str, str]]:
@@ -212,13 +261,15 @@ def _planar(values: Array) -> Array:
 def _laser(log: _Log) -> Laser:
     """Limits from CONF, mount from GEO, which prints the offset along the world's axes at the spawn pose."""
     known = log.devices.get(log.scanner or "", {})
-    limits = dict(DEFAULT_LIMITS)
+    limits = {**DEFAULT_LIMITS, "SigmaRange": SIGMA_RANGE}
     for key in limits.keys() & known.keys():
         line, value = known[key]
         limits[key] = numbers([value], key, log.path, line)[0]
     low, high = limits["MinRange"], limits["MaxRange"]
     if not 0.0 <= low < high:
         raise FormatError(f"MinRange {low:g}, MaxRange {high:g}, expected 0 <= MinRange < MaxRange", log.path)
+    if not limits["SigmaRange"] > 0.0:
+        raise FormatError(f"SigmaRange {limits['SigmaRange']:g}, expected metres > 0", log.path)
     mount = np.zeros(3)
     if "Location" in known:
         line, location = known["Location"]
@@ -228,14 +279,15 @@ def _laser(log: _Log) -> Laser:
         line, orientation = known["Orientation"]
         mount[2] = -wrap(_triple(log, line, "Orientation", orientation)[2])
     mount = np.round(mount, 4) + 0.0  # as many decimals as are printed; never -0.0
-    return Laser(range_min=low, range_max=high, sigma_range=SIGMA_RANGE, T_robot_laser=mount)
+    return Laser(range_min=low, range_max=high, sigma_range=limits["SigmaRange"], T_robot_laser=mount)
 
 
 def _angles(log: _Log, beams: int) -> Array:
     """Beam angles ``(B,)``, from -FOV/2 up.
 
     The simulator steps by a whole number of rotator units until it passes +FOV/2, so the last beam may fall
-    short of it. The printed Resolution is rounded: the step is the one that gives this many beams.
+    short of it. The printed Resolution is rounded: the step is the one that gives this many beams. Our own
+    logs print it in full.
     """
     line = log.scan_lines[0]
     for name in ("FOV", "Fov"):
@@ -248,6 +300,8 @@ def _angles(log: _Log, beams: int) -> Array:
         _fail(log, line, f"{beams} beams over {fov:g} rad, expected at least 2 over at most a full turn")
     if "Resolution" in log.scan:
         printed = numbers([log.scan["Resolution"]], "Resolution", log.path, line)[0]
+        if len(log.scan["Resolution"].partition(".")[2]) > 4 and 0.0 < printed * (beams - 1) < 6.3:
+            return -0.5 * fov + printed * np.arange(beams)
         around = np.arange(np.ceil((printed - 5e-5) / ROTATOR_UNIT), (printed + 5e-5) / ROTATOR_UNIT)
         for step in around[around > 0] * ROTATOR_UNIT:
             if int(fov / step) + 1 == beams:

@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.floorplan import Door, Prism, bed, box, desk, outlines, wall
+from sim.floorplan import (
+    Door,
+    Prism,
+    bed,
+    box,
+    column,
+    cupboard,
+    desk,
+    door_leaf,
+    outlines,
+    stone,
+    table,
+    wall,
+)
 
 
 def area(prism: Prism) -> float:
@@ -48,3 +61,33 @@ def test_a_level_laser_passes_under_beds_and_desk_tops():
     assert np.hypot(*(edges[:, 2:] - edges[:, :2]).T).max() == pytest.approx(2.0)
     assert max(p.z_hi for p in bed([0, 0, 0]) + desk([0, 0, 0])) < 1.0
     assert outlines([], 0.3).shape == (0, 4)
+
+
+def test_one_sees_under_a_table_and_not_through_a_cupboard():
+    assert len(outlines(table([0, 0, 0.3]), 0.3)) == 4 * 4
+    assert np.abs(outlines(table([0, 0, 0], 1.6, 0.8, 0.7), 0.68)[:, 0]).max() == pytest.approx(0.8)
+    assert all(len(outlines(cupboard([0, 0, 0]), z)) == 4 for z in (0.0, 0.3, 1.79))
+    assert len(outlines(cupboard([0, 0, 0]), 1.81)) == 0
+
+
+def test_a_column_is_round():
+    footprint = column([2.0, 3.0], 0.3, sides=20).footprint
+    np.testing.assert_allclose(np.hypot(*(footprint - [2.0, 3.0]).T), 0.3)
+    assert area(column([0.0, 0.0], 0.3, sides=200)) == pytest.approx(np.pi * 0.09, rel=1e-3)
+
+
+def test_a_door_turns_about_its_hinge():
+    closed = door_leaf([1.0, 2.0], 0.0, 0.9).footprint
+    np.testing.assert_allclose([closed.min(axis=0), closed.max(axis=0)], [[1.0, 1.98], [1.9, 2.02]])
+    ajar = door_leaf([1.0, 2.0], 0.0, 0.9, opening=np.pi / 2).footprint
+    np.testing.assert_allclose([ajar.min(axis=0), ajar.max(axis=0)], [[0.98, 2.0], [1.02, 2.9]])
+
+
+def test_stones_are_irregular_and_within_their_radius():
+    rng = np.random.default_rng(0)
+    stones = [stone([1.0, -1.0], 0.3, 0.4, rng) for _ in range(200)]
+    assert max(np.hypot(*(s.footprint - [1.0, -1.0]).T).max() for s in stones) <= 0.3
+    areas = np.array([area(s) for s in stones])
+    assert areas.min() > 0.02
+    assert areas.std() > 0.02
+    assert stones[0].z_hi == 0.4

@@ -76,6 +76,16 @@ def test_gyro_bias_drifts_at_rest():
     assert np.all(ins[:, :2] == 0.0)
 
 
+def test_the_bias_walks():
+    """Variance σ² t after a time t; the yaw error is its integral, whose variance is σ² t³ / 3."""
+    config = InertialConfig(yaw_noise=0.0, position_noise=0.0, bias_walk=0.01)
+    yaw = np.array([reckoned(np.zeros((201, 3)), config, seed=k)[:, 2] for k in range(800)])
+    bias = np.diff(yaw, axis=1)  # readings are 1 s apart
+    for t in (50, 100, 200):
+        assert bias[:, t - 1].var() == pytest.approx(1e-4 * t, rel=0.15)
+        assert yaw[:, t].var() == pytest.approx(1e-4 * t**3 / 3.0, rel=0.2)
+
+
 def test_unknown_models_and_precisions_are_refused():
     with pytest.raises(ValueError, match="INS model"):
         InertialConfig(model="perfect")  # type: ignore[arg-type]

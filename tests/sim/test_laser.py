@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenarios.bench.building import building, free_poses
+from sim import cells
 from sim.corruption import Effects
 from sim.floorplan import box, wall
 from sim.laser import Raycaster, Scanner
@@ -87,10 +91,11 @@ def random_poses(rng, n, tilt):
     )
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.1, 1.0, 3.0])
 def test_solids_floor_and_ceiling_agree_with_brute_force(tilt):
+    """45,000 rays, level, leaning and upside down."""
     rng = np.random.default_rng(1)
-    world, poses = random_world(rng), random_poses(rng, 150, tilt)
+    world, poses = random_world(rng), random_poses(rng, 184, tilt)
     expected = brute_force(world.obstacles, poses, ANGLES, world.ceiling, floor=True)
     ranges = Raycaster(world).cast(poses, ANGLES, REACH)
     np.testing.assert_allclose(ranges, expected, rtol=0, atol=1e-9)
@@ -99,17 +104,91 @@ def test_solids_floor_and_ceiling_agree_with_brute_force(tilt):
 
 @pytest.mark.parametrize("heights", [None, "tops", "bands"])
 def test_segments_agree_with_brute_force(heights):
+    """65,000 rays; many poses are outside of the walls."""
     rng = np.random.default_rng(2)
     a = rng.uniform(0, 30, (150, 2))
     segments = np.hstack([a, a + rng.normal(0, 2.0, (150, 2))])
     values = {None: None, "tops": rng.uniform(0, 1, 150), "bands": np.sort(rng.uniform(0, 1, (150, 2)))}[
         heights
     ]
-    poses = random_poses(rng, 150, 0.15)
+    poses = random_poses(rng, 360, 0.15)
+    poses[:, :2] = rng.uniform(-20, 50, (360, 2))
     expected = brute_force(plates(segments, values), poses, ANGLES)
     ranges = Raycaster.from_segments(segments, values).cast(poses, ANGLES, REACH)
     np.testing.assert_allclose(ranges, expected, rtol=0, atol=1e-9)
     assert np.isfinite(expected).any()
+
+
+@pytest.mark.parametrize("field_of_view", [0.0, 1.0, np.pi, 4.2, 2 * np.pi, 9.0])
+def test_what_lies_behind_a_fan_is_not_missed_ahead(field_of_view):
+    """Fans of any width, their beams in any order."""
+    rng = np.random.default_rng(6)
+    world, poses = random_world(rng), random_poses(rng, 60, 0.3)
+    angles = rng.permutation(np.linspace(-0.5, 0.5, 41) * field_of_view + rng.uniform(-9, 9))
+    expected = brute_force(world.obstacles, poses, angles, world.ceiling, floor=True)
+    ranges = Raycaster(world).cast(poses, angles, REACH)
+    np.testing.assert_allclose(ranges, expected, rtol=0, atol=1e-9)
+
+
+def nearest_crossing(segments, origin, direction, slack):
+    """Brute force for one ray, its plates made longer (or shorter) by ``slack`` m across the ray."""
+    a, b = segments[:, :2] - origin, segments[:, 2:] - origin
+    side_a, side_b = (
+        a[:, 0] * direction[1] - a[:, 1] * direction[0],
+        b[:, 0] * direction[1] - b[:, 1] * direction[0],
+    )
+    met = np.minimum(side_a, side_b) <= slack
+    met &= np.maximum(side_a, side_b) >= -slack
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / (side_a - side_b)
+    return np.min(r[met & (r >= 0)], initial=np.inf)
+
+
+def test_rays_at_corners_agree_with_brute_force_to_either_side():
+    """20,000 rays at the ends of walls, and past them by a hair.
+
+    Within rounding an end is met or missed: the range is that of walls longer or shorter by 1e-12 m.
+    """
+    rng = np.random.default_rng(7)
+    segments = building(200, rng)
+    caster = Raycaster.from_segments(segments)
+    poses = free_poses(segments, 50, rng)
+    ends = segments.reshape(-1, 2)
+    for pose in poses:
+        aims = ends[rng.integers(len(ends), size=400)]
+        angles = np.arctan2(*(aims - pose[:2]).T[::-1]) + rng.choice([0.0, 0.0, 1e-15, -1e-13, 1e-9], 400)
+        ranges = caster.cast([[*pose[:2], 0.0]], angles)[0]
+        for r, angle in zip(ranges, angles, strict=True):
+            direction = np.array([np.cos(angle), np.sin(angle)])
+            either = [nearest_crossing(segments, pose[:2], direction, slack) for slack in (1e-12, -1e-12)]
+            assert np.min(np.abs(r - either)) < 1e-9
+
+
+@pytest.mark.parametrize("hair", [1e-3, 1e-5, 1e-7])
+def test_rays_that_graze_a_wall(hair):
+    """Along a wall on y = 0 at a slope of a hair: met where they cross it, to what a double can say."""
+    caster = Raycaster.from_segments([[0.0, 0.0, 20.0, 0.0], [30.0, -5.0, 30.0, 5.0]])
+    starts = np.linspace(0.6, 15.0, 30)
+    poses = np.column_stack([np.zeros(30) - 1.0, hair * starts, np.full(30, -np.arctan(hair))])
+    ranges = caster.cast(poses, [0.0])[:, 0]
+    met = starts > 1.0  # the others pass before its beginning
+    np.testing.assert_allclose(ranges[met], (starts * np.hypot(1.0, hair))[met], atol=1e-14 / hair)
+    np.testing.assert_allclose(ranges[~met], 31.0 * np.hypot(1.0, hair), atol=1e-9)
+
+
+def test_rays_along_the_borders_of_the_grid():
+    """From the corners of cells along the lines between cells, and diagonally through their corners."""
+    ring = [[0, 0, 16, 0], [16, 0, 16, 16], [16, 16, 0, 16], [0, 16, 0, 0]]
+    caster, grid = Raycaster.from_segments(ring), cells.build(plates(ring))
+    i, j = (nodes.ravel() for nodes in np.meshgrid(np.arange(grid.columns), np.arange(grid.rows)))
+    x, y = grid.x0 + grid.size * i, grid.y0 + grid.size * j
+    inside = (x > 0) & (x < 16) & (y > 0) & (y < 16)
+    for yaw, expected in (
+        (0.0, 16 - x), (-0.0, 16 - x), (np.pi, x), (np.pi / 2, 16 - y), (-np.pi / 2, y),
+        (np.pi / 4, np.sqrt(2) * (16 - np.maximum(x, y))), (-3 * np.pi / 4, np.sqrt(2) * np.minimum(x, y)),
+    ):  # fmt: skip
+        poses = np.column_stack([x, y, np.full(len(x), yaw)])[inside]
+        np.testing.assert_allclose(caster.cast(poses, [0.0])[:, 0], expected[inside], atol=1e-9)
 
 
 def test_planar_cast_ignores_heights_floor_and_ceiling():
@@ -316,3 +395,37 @@ def test_a_scan_reports_what_the_laser_sees():
         Raycaster(World(tuple(room), OPEN.terrain)), np.zeros((1, 6)), np.random.default_rng(0)
     )
     np.testing.assert_allclose(scan[0, [0, 2, 4]], [2.0, 2.08, 2.0], atol=1e-12)
+
+
+QUIET = Effects(mixed_pixels=False, dropouts=False, noise=False, quantisation=False)
+LOW = World((box([2.25, 0, 0], 1.5, 2.0, z_hi=0.2), box([4.0, 0, 0], 1.0, 9.0)), OPEN.terrain)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "off", "expected"),
+    [
+        (0.0, {}, 3.5),  # level: over the low box, to the wall behind it
+        (0.05, {}, 0.1 / np.sin(0.05)),  # nose down: onto its top
+        (0.05, {"tilt": False}, 3.5),
+        (0.05, {"heights": False}, 1.5 / np.cos(0.05)),  # nothing is low: its front
+        (0.0, {"heights": False}, 1.5),
+        (0.3, {}, 0.3 / np.sin(0.3)),  # steeply down: the floor before it
+        (0.3, {"floor": False}, 1.5 / np.cos(0.3)),
+        (0.3, {"floor": False, "heights": False}, 1.5 / np.cos(0.3)),
+        (0.3, {"tilt": False, "heights": False}, 1.5),
+    ],
+)
+def test_geometry_has_switches(pitch, off, expected):
+    scanner = Scanner(1, 0.0, mount=(0.0, 0.0, 0.0), range_max=9.0, effects=replace(QUIET, **off))
+    height = scanner.height * np.cos(pitch)
+    robot = np.array([[-scanner.height * np.sin(pitch), 0, 0, 0, pitch, scanner.height - height]])
+    if not scanner.effects.tilt:
+        robot[0, [0, 5]] = 0.0
+    scan = scanner.scan(scanner.caster(LOW), robot, np.random.default_rng(0))
+    assert scan[0, 0] == pytest.approx(expected)
+
+
+def test_without_floor_there_is_no_ceiling():
+    up = [[0, 0, 0, 0, -0.5, 0.3]]
+    assert Raycaster(World((), OPEN.terrain, 2.5)).cast(up, [0.0])[0, 0] == pytest.approx(2.2 / np.sin(0.5))
+    assert np.isnan(Raycaster(World((), OPEN.terrain, 2.5), floor=False).cast(up, [0.0])[0, 0])

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sim.corruption import Effects
-from sim.driver import DriverConfig, resample
+from sim.driver import Driver, DriverConfig, resample
 from sim.floorplan import box, wall
 from sim.inertial import InertialConfig
 from sim.laser import Scanner
+from sim.movers import Debris, Person
+from sim.odometry import OdometryConfig
 from sim.record import Setup, drive, simulate
+from sim.robot import RobotConfig
+from sim.smoke import Smoke
 from sim.terrain import Terrain
 from sim.world import World
+from slam.formats import recording_npz
 
 ROUTE = np.array([[1.0, 1.0], [4.0, 1.0], [4.0, 3.0], [1.0, 3.0], [1.0, 1.3]])
 BUSY = DriverConfig(pause_every=1e9)
@@ -176,3 +185,158 @@ def test_a_route_needs_two_waypoints():
     np.testing.assert_allclose(
         resample([[0, 0], [1, 0], [1, 1]], 0.5), [[0, 0], [0.5, 0], [1, 0], [1, 0.5], [1, 1]]
     )
+
+
+QUIET = Effects(mixed_pixels=False, dropouts=False, noise=False, quantisation=False)
+CRATE = Debris(box([3.0, 1.0, 0.0], 0.3, 0.3, z_hi=0.4), 4.0)
+FULL = replace(
+    SETUP,
+    world=replace(
+        SETUP.world,
+        smoke=Smoke.clear([0, 0], [5, 4]).with_disc([2.5, 2.0], 1.0, 0.7, edge=0.3),
+        debris=(CRATE,),
+        people=(Person(np.array([[0.5, 3.6], [4.5, 3.6]]), keep_off=0.4),),
+    ),
+)
+
+
+def ahead(recording, row):
+    """Shortest range of the beams within 2° of straight on."""
+    return np.nanmin(recording.ranges[row, np.abs(recording.angles) < np.deg2rad(2.0)])
+
+
+def test_debris_is_seen_where_it_was_pushed_to():
+    """Straight on to a crate: while it lies 3 m along, then always at the bumper: 0.2 + 0.08 m."""
+    setup = replace(
+        SETUP,
+        world=replace(SETUP.world, terrain=Terrain.level([0, 0], [5, 4]), debris=(CRATE,)),
+        waypoints=np.array([[1.0, 1.0], [4.0, 1.0]]),
+        scanner=Scanner(effects=QUIET),
+    )
+    run = simulate(Small(setup), 0)
+    recording, crate = run.recording, run.movers[:, 0]
+    assert crate[0] == pytest.approx((3.0, 1.0, 0.0))
+    assert ahead(recording, 0) == pytest.approx(3.0 - 0.15 - 0.92, abs=0.002)
+    assert ahead(recording, -1) == pytest.approx(0.28, abs=0.02)
+    assert crate[-1, 0] > 3.4
+    gap = crate[:, 0] - 0.15 - recording.truth[:, 0] + 0.08
+    seen = [ahead(recording, n) for n in range(len(recording))]
+    np.testing.assert_allclose(seen, gap, atol=0.03)
+
+
+def test_a_person_is_seen_at_the_right_range_at_the_right_time():
+    """A robot that stays at (1, 1); somebody comes down its axis from 4.5 m at 0.5 m/s, in at 0.2 m."""
+    person = Person(np.array([[4.5, 1.0], [2.0, 1.0]]), speed=0.5, radius=0.2)
+    setup = replace(
+        SETUP,
+        world=World(room().prisms, Terrain.level([0, 0], [5, 4]), 2.5, people=(person,)),
+        scanner=Scanner(effects=QUIET),
+        driver=replace(BUSY, speed=0.0, turn_rate=0.0, time_limit=3.0, stuck_time=99.0),
+    )
+    run = simulate(Small(setup), 0)
+    assert run.ending == "out of time"
+    time = run.recording.time
+    np.testing.assert_allclose(run.movers[:, 0, 0], 4.5 - 0.5 * time, atol=1e-6)
+    expected = 4.5 - 0.5 * time - 0.2 - 0.92
+    near = expected < 3.9
+    seen = np.array([ahead(run.recording, n) for n in range(len(time))])
+    np.testing.assert_allclose(seen[near], expected[near], atol=0.015)  # eight sides, beams 1° apart
+    assert near.sum() > 5
+
+
+def test_smoke_takes_beams():
+    smoky, clear = (
+        simulate(Small(setup), 3).recording
+        for setup in (FULL, replace(FULL, world=replace(FULL.world, smoke=None)))
+    )
+    np.testing.assert_array_equal(smoky.truth, clear.truth)
+    assert np.isfinite(smoky.ranges).mean() < np.isfinite(clear.ranges).mean() - 0.02
+
+
+def test_odometry_counts_on_at_a_wall_while_the_robot_stands():
+    """A closed door across the route: the truth ends there, the encoders go on until he backs off."""
+    setup = replace(
+        SETUP,
+        world=room(box([2.5, 2.0, 0.0], 0.2, 4.0)),
+        dead_reckoning="odometry",
+        odometry=OdometryConfig(slip=0.0, slip_per_tilt=0.0, burst_rate=0.0, skid_ratio=1.5),
+        driver=replace(BUSY, stuck_time=4.0, time_limit=6.0, caution=0.0),
+    )
+    recording = simulate(Small(setup), 0).recording
+    wall_at = 2.4 - 0.5 * RobotConfig().length
+    assert recording.truth[:, 0].max() == pytest.approx(wall_at, abs=0.02)
+    assert recording.dead_reckoning[:, 0].max() > wall_at + 1.5
+    before = slice(None, int(np.argmax(recording.truth[:, 0] > wall_at - 0.1)))
+    np.testing.assert_allclose(  # the tracks spin a little as he sets off
+        recording.dead_reckoning[before, 0], recording.truth[before, 0], atol=0.05
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "source", "has_attitude"),
+    [
+        ({}, "ins", True),
+        ({"inertial": InertialConfig(model="consistent")}, "odometry", True),
+        ({"dead_reckoning": "odometry"}, "odometry", False),
+    ],
+)
+def test_dead_reckoning_is_the_set_ups_choice(run, change, source, has_attitude):
+    recording = simulate(Small(replace(SETUP, **change)), 3).recording
+    assert recording.source == source
+    assert (recording.attitude is not None) == has_attitude
+    np.testing.assert_array_equal(recording.ranges, run.recording.ranges)
+    assert np.array_equal(recording.dead_reckoning, run.recording.dead_reckoning) == (not change)
+
+
+def test_dead_reckoning_can_be_overridden(run):
+    setup = replace(SETUP, dead_reckoning="odometry")
+    np.testing.assert_array_equal(
+        simulate(Small(setup), 3, dead_reckoning="ins").recording.dead_reckoning,
+        run.recording.dead_reckoning,
+    )
+    assert simulate(Small(SETUP), 3, dead_reckoning="odometry").recording.source == "odometry"
+    with pytest.raises(ValueError, match="dead reckoning"):
+        simulate(Small(SETUP), 3, dead_reckoning="gps")  # type: ignore[arg-type]
+
+
+def test_a_consistent_ins_has_body_frame_increments_of_the_truth():
+    """Without noise of its own: what it says of each step is the true step, however wrong its yaw is."""
+    model = InertialConfig(model="consistent", yaw_noise=0.0, position_noise=0.0, bias_walk=0.05)
+    recording = simulate(Small(replace(SETUP, inertial=model)), 3).recording
+    assert np.abs(recording.dead_reckoning[-1, :2] - recording.truth[-1, :2]).max() > 0.2
+    said, true = (
+        np.hypot(*np.diff(poses[:, :2], axis=0).T) for poses in (recording.dead_reckoning, recording.truth)
+    )
+    np.testing.assert_allclose(said, true, atol=0.01)
+
+
+def test_the_driver_is_slower_on_rough_and_on_tilted_ground():
+    def speed(tilt, roughness):
+        driver = Driver(ROUTE, BUSY, np.random.default_rng(0))
+        wanted = driver.command(0.0, (1.0, 1.0, 0.0), tilt, roughness)
+        assert not isinstance(wanted, str)
+        return wanted[0]
+
+    assert speed((0.0, 0.0), 0.0) == BUSY.speed
+    assert speed((0.0, 0.0), 0.05) == pytest.approx(BUSY.speed / (1.0 + 0.05 * BUSY.caution))
+    assert speed((0.03, 0.04), 0.01) == pytest.approx(speed((0.0, 0.0), 0.05))
+
+
+ON_ONE_CORE = """
+import os, sys
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+sys.path[:0] = sys.argv[2:]
+from test_record import FULL, Small, recording_npz, simulate
+recording_npz.write(sys.argv[1], simulate(Small(FULL), 5).recording)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system cannot bind to one core")
+def test_one_core_or_all_of_them_same_file(tmp_path):
+    """With debris, a person and smoke in the world; another process, bound to one core."""
+    one, every = tmp_path / "one.npz", tmp_path / "every.npz"
+    here = Path(__file__).resolve()
+    words = [sys.executable, "-c", ON_ONE_CORE, str(one), str(here.parent), str(here.parents[2])]
+    subprocess.run(words, check=True)
+    recording_npz.write(every, simulate(Small(FULL), 5).recording)
+    assert one.read_bytes() == every.read_bytes()

@@ -1,0 +1,269 @@
+"""python -m scenarios.bench.realism: is a simulated drive like a real one? The same figures of both.
+
+Truth and INS are first rounded to the two decimals that USARSim prints, in the real log and in the simulated
+ones, so that quantisation is no difference between them. Scans of a robot that lies on its side or its back
+say nothing of how rough the ground is, and are left out of the tilt.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from tyro.conf import arg
+
+from scenarios.catalogue import CATALOGUE
+from scenarios.cli import BadInput, main, nearest
+from slam import se2
+from slam.se2 import Array
+
+if TYPE_CHECKING:
+    import rich.table
+
+    from slam.recording import Recording
+    from slam.track import Track
+
+COMMAND = "scenarios.bench.realism"
+
+FALLEN = np.deg2rad(60.0)
+"""A robot with more roll or pitch [rad] lies on its side."""
+WINDOW = 31
+"""Scans in the running median that the tilt is measured from: what is left is shaking, not an offset."""
+TURN_STEP, DRIVE_STEP = 0.05, 0.05
+"""Turning and driving count from this much on [rad, m], so that quantisation does not count as motion."""
+TURN_WINDOW = 2.0 * np.pi
+"""INS yaw errors are compared over this much turning [rad]."""
+QUARTILES = (25, 50, 75)
+SLACK = 1e-6
+"""Printed angles come in steps: equal ones may differ by the rounding of a percentile."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of the real drive and its quartiles over the simulated ones; None where there is none."""
+
+    name: str
+    unit: str
+    real: float | None
+    low: float
+    median: float
+    high: float
+    least: float
+    most: float
+
+    @property
+    def bracketed(self) -> Literal["quartiles", "range", "no"] | None:
+        """Whether the simulated quartiles, or at least the simulated range, lie around the real figure."""
+        if self.real is None:
+            return None
+        if self.low - SLACK <= self.real <= self.high + SLACK:
+            return "quartiles"
+        return "range" if self.least - SLACK <= self.real <= self.most + SLACK else "no"
+
+
+def compare(real: Recording | None, simulated: Sequence[Recording]) -> list[Figure]:
+    """All figures of a real recording, or none, beside those of simulated ones. All need truth.
+
+    Figures that every simulated drive is too short for are left out.
+    """
+    found = [measure(recording) for recording in simulated]
+    known = {} if real is None else measure(real)
+    figures = []
+    for name in found[0]:
+        values = np.array([of_one[name] for of_one in found])
+        values = values[np.isfinite(values)]
+        if len(values) == 0:
+            continue
+        low, median, high = np.percentile(values, QUARTILES).tolist()
+        of_real = known.get(name, np.nan)
+        real_figure = None if np.isnan(of_real) else of_real
+        ends = (float(values.min()), float(values.max()))
+        figures.append(Figure(*name, real_figure, low, median, high, *ends))
+    return figures
+
+
+def measure(recording: Recording) -> dict[tuple[str, str], float]:
+    """Figures of one recording by (name, unit); NaN where it is too short for one.
+
+    Raises ``ValueError`` for a recording without truth.
+    """
+    if recording.truth is None:
+        raise ValueError(f"{recording.name}: expected a recording with truth")
+    ins, truth = printed(recording.dead_reckoning), printed(recording.truth)
+    return {
+        **_matching(recording),
+        **({} if recording.attitude is None else _tilting(printed(recording.attitude))),
+        **_drifting(ins, truth),
+        **_moving(truth),
+    }
+
+
+def printed(values: Array, decimals: int = 2) -> Array:
+    """Poses or angles as USARSim prints them."""
+    return np.round(values, decimals)
+
+
+def _matching(recording: Recording) -> dict[tuple[str, str], float]:
+    """What ManifoldSLAM's matcher makes of the scans, and how many beams come back."""
+    from slam.frontend import MANIFOLD_SLAM, track
+
+    tried = _tried(track(recording, MANIFOLD_SLAM))
+    beams = np.isfinite(recording.ranges).sum(axis=1)
+    return {
+        ("steps without a match", "%"): 100.0 * float(np.mean(tried == 0)),
+        **_quartiles("matches per step", "", tried),
+        **_quartiles("valid beams per scan", "", beams),
+    }
+
+
+def _tried(track: Track) -> np.ndarray:
+    """Matches of every step that was not skipped."""
+    from slam.track import Verdict
+
+    stepped = track.verdict != Verdict.SKIPPED
+    stepped[0] = False
+    return track.matches[stepped]
+
+
+def _tilting(attitude: Array) -> dict[tuple[str, str], float]:
+    """Quantiles of roll and pitch off their running median, while the robot is upright."""
+    from scipy.ndimage import median_filter
+
+    attitude = attitude[np.abs(attitude).max(axis=1) < FALLEN]
+    shaking = np.degrees(np.abs(attitude - median_filter(attitude, (WINDOW, 1), mode="nearest")))
+    return {
+        (f"|{name}| {q} % quantile", "°"): float(np.percentile(shaking[:, k], q))
+        for k, name in enumerate(("roll", "pitch"))
+        for q in (50, 75, 90, 99)
+    }
+
+
+def _drifting(ins: Array, truth: Array) -> dict[tuple[str, str], float]:
+    """How the INS's errors grow with turning and driving."""
+    yaw_error = np.unwrap(ins[:, 2] - truth[:, 2])
+    yaw_error = np.degrees(yaw_error - yaw_error[0])
+    position_error = ins[:, :2] - truth[:, :2]
+    position_error = np.hypot(*(position_error - position_error[0]).T)
+    turned, driven = _counted(np.unwrap(truth[:, 2])[:, None], TURN_STEP), _counted(truth[:, :2], DRIVE_STEP)
+    at_turns = yaw_error[np.searchsorted(turned, np.arange(0.0, turned[-1], TURN_WINDOW))]
+    per_window = np.abs(np.diff(at_turns))
+    far = int(np.searchsorted(driven, 100.0))
+    return {
+        ("INS yaw error gained per radian turned, median", "°"): _or_nan(np.median, per_window) / TURN_WINDOW,
+        ("INS yaw error gained per radian turned, mean", "°"): _or_nan(np.mean, per_window) / TURN_WINDOW,
+        ("INS yaw error after 100 m", "°"): float(abs(yaw_error[far])) if far < len(truth) else np.nan,
+        ("INS position error after 100 m", "m"): float(position_error[far]) if far < len(truth) else np.nan,
+        ("turned per metre driven", "°"): float(np.degrees(turned[-1]) / max(driven[-1], DRIVE_STEP)),
+    }
+
+
+def _counted(values: Array, least: float) -> Array:
+    """Length ``(N,)`` of the path through ``values (N, d)``, in strides of at least ``least``."""
+    length = np.zeros(len(values))
+    anchor = values[0]
+    for k in range(1, len(values)):
+        stride = float(np.linalg.norm(values[k] - anchor))
+        length[k] = length[k - 1]
+        if stride >= least:
+            length[k] += stride
+            anchor = values[k]
+    return length
+
+
+def _or_nan(statistic: object, values: Array) -> float:
+    return float(statistic(values)) if len(values) else np.nan  # type: ignore[operator]
+
+
+def _moving(truth: Array) -> dict[tuple[str, str], float]:
+    """How far the robot comes and turns from scan to scan."""
+    step = np.diff(truth, axis=0)
+    return {
+        **_quartiles("step per scan", "m", np.hypot(step[:, 0], step[:, 1])),
+        **_quartiles("turn per scan", "°", np.degrees(np.abs(se2.wrap(step[:, 2])))),
+    }
+
+
+def _quartiles(name: str, unit: str, values: Array) -> dict[tuple[str, str], float]:
+    found = np.percentile(values, QUARTILES) if len(values) else np.full(3, np.nan)
+    return {(f"{name}, {q} %", unit): float(v) for q, v in zip(QUARTILES, found, strict=True)}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Print the figures of a real log beside the quartiles of simulated drives."""
+
+    log: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """A recording with truth, such as the log of the report's Experiment 1."""
+    seeds: Annotated[int, arg(metavar="N")] = 10
+    """Simulated are seeds 0 to N - 1."""
+    scenario: Annotated[str, arg(metavar="NAME")] = "hospital"
+    """Which scenario is simulated."""
+    format: Literal["table", "json"] = "table"
+    """What is printed on stdout."""
+
+
+def run(options: Options) -> None:
+    """Measure, compare, and print."""
+    figures = against_simulated(options.log, options.seeds, options.scenario)
+    if options.format == "json":
+        print(as_json(figures))
+        return
+    from rich.console import Console
+
+    name = "nothing real" if options.log is None else options.log.name
+    title = f"{name} beside {options.scenario}, seeds 0 to {options.seeds - 1}"
+    Console(width=max(160, Console().width)).print(tabulated(figures, title))
+
+
+def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Figure]:
+    """Figures of a real log, where there is one, beside seeds 0, 1, … of a scenario.
+
+    Raises `BadInput` for a log that cannot be read or has no truth, no seeds, or an unknown scenario.
+    """
+    if seeds < 1:
+        raise BadInput(f"--seeds: expected 1 or more, got {seeds}")
+    if scenario not in CATALOGUE:
+        raise BadInput(f"unknown scenario {scenario!r}: {nearest(scenario, CATALOGUE)}")
+
+    from sim.record import simulate
+    from slam.formats import FormatError, load
+
+    try:
+        real = None if log is None else load(log)
+    except FormatError as error:
+        raise BadInput(str(error)) from error
+    if real is not None and real.truth is None:
+        raise BadInput(f"{log}: no truth, expected a recording with the robot's true poses")
+    return compare(real, [simulate(CATALOGUE[scenario], seed).recording for seed in range(seeds)])
+
+
+def tabulated(figures: Sequence[Figure], title: str) -> rich.table.Table:
+    """The figures for the console: real, the simulated quartiles, and whether these lie around it."""
+    import rich.box
+    import rich.table
+
+    table = rich.table.Table(title=title, box=rich.box.SIMPLE)
+    table.add_column("figure")
+    for column in ("unit", "real", "simulated 25 %", "50 %", "75 %", "least", "most"):
+        table.add_column(column, justify="right")
+    table.add_column("brackets the real one")
+    for f in figures:
+        numbers = [
+            "–" if v is None else f"{v:.3g}" for v in (f.real, f.low, f.median, f.high, f.least, f.most)
+        ]
+        table.add_row(f.name, f.unit, *numbers, f.bracketed or "–")
+    return table
+
+
+def as_json(figures: Sequence[Figure]) -> str:
+    """The figures as a JSON list."""
+    return json.dumps([{**asdict(figure), "bracketed": figure.bracketed} for figure in figures], indent=1)
+
+
+if __name__ == "__main__":
+    sys.exit(main(Options, COMMAND, run))

@@ -1,0 +1,23 @@
+"""The benches, one file each, found by their file's name.
+
+A bench is a module with a function ``run(stages) -> list[Figure]``; the first line of its docstring says what
+it measures.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scenarios.bench.figure import Figure
+    from scenarios.stages import Stages
+
+BENCHES: tuple[str, ...] = tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
+
+
+def bench(name: str) -> Callable[[Stages], list[Figure]]:
+    """The function that runs a bench."""
+    return import_module(f"{__name__}.{name}").run

@@ -1,0 +1,160 @@
+"""The simulator: rays per second beside pymunk's own query, growth with the building, and a whole drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pymunk
+
+from scenarios.bench.building import SEGMENTS, building, free_poses
+from scenarios.bench.figure import Call, Figure, seconds
+from scenarios.catalogue import CATALOGUE
+from scenarios.stages import Stages
+from sim.driver import resample
+from sim.laser import Raycaster
+from sim.record import simulate
+from slam import se2
+from slam.se2 import Array
+
+ANGLES = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
+TILT = np.deg2rad(5.0)
+WALL_HEIGHT = 2.5
+SENSOR_HEIGHT = 0.3
+LARGER = (2_000, 20_000)
+POSES, POSES_OF_LOOP = 1_000, 40
+REPETITIONS, DRIVES = 15, 3
+SCENARIO = "hospital"
+
+
+@dataclass(frozen=True)
+class Case:
+    """Something that casts all beams of a number of poses."""
+
+    name: str
+    call: Call
+    poses: int
+    note: str
+
+
+def run(stages: Stages) -> list[Figure]:
+    """All figures of the simulator, compilation excluded."""
+    with stages.stage("rays"):
+        figures = rays()
+    with stages.stage("growth"):
+        figures += growth()
+    return figures + drives(stages)
+
+
+def rays() -> list[Figure]:
+    """Rays per second in the building of 200 segments, and how many times the loop over pymunk's query."""
+    rng = np.random.default_rng(0)
+    walls = building(SEGMENTS, rng)
+    poses = free_poses(walls, POSES, rng)
+    thin, high = (
+        Raycaster.from_segments(walls),
+        Raycaster.from_segments(walls, np.full(SEGMENTS, WALL_HEIGHT)),
+    )
+    turn = np.array([0.0, 0.0, np.deg2rad(30.0)])
+    turned = Raycaster.from_segments(se2.transform(turn, walls.reshape(-1, 2)).reshape(-1, 4))
+    setup = CATALOGUE[SCENARIO].build(rng)
+    solid, route = Raycaster(setup.world), along(setup.waypoints)
+    few, space, reach = poses[:POSES_OF_LOOP], space_of(walls), float(np.hypot(*np.ptp(walls[:, :2], axis=0)))
+    beams = f"{SEGMENTS} segments, 40 × 30 m, {len(ANGLES)} beams over 180°"
+    cases = [
+        Case(
+            "pymunk",
+            partial(pymunk_loop, space, few, reach),
+            len(few),
+            "segment_query_first in a Python loop",
+        ),
+        Case("flat", partial(thin.cast, poses, ANGLES), POSES, beams),
+        Case("tilted", partial(high.cast, tilted(poses), ANGLES), POSES, "roll and pitch up to 5°"),
+        Case(
+            "flat, turned", partial(turned.cast, se2.compose(turn, poses), ANGLES), POSES, "building at 30°"
+        ),
+        Case(
+            f"tilted, {SCENARIO}",
+            partial(solid.cast_with_incidence, tilted(route), ANGLES),
+            len(route),
+            "solids, uneven ground and ceiling, with incidence",
+        ),
+    ]
+    loop, flat, tilt, *others = rates(cases)
+    return [loop, flat, tilt, *others, flat.per(loop, "flat / pymunk"), tilt.per(loop, "tilted / pymunk")]
+
+
+def growth() -> list[Figure]:
+    """Flat rays per second, and the time to prepare, in larger and larger buildings of the same density."""
+    cases, preparations = [], {}
+    for count in (SEGMENTS, *LARGER):
+        rng = np.random.default_rng(0)
+        walls = building(count, rng)
+        cast = partial(Raycaster.from_segments(walls).cast, free_poses(walls, POSES, rng), ANGLES)
+        cases.append(Case(f"flat, {count} segments", cast, POSES, "a larger building of the same density"))
+        preparations[f"prepare {count} segments"] = partial(Raycaster.from_segments, walls)
+    flat = rates(cases)
+    slower = flat[0].per(flat[-1], f"time per ray, {LARGER[-1]} / {SEGMENTS} segments")
+    taken = seconds(preparations, REPETITIONS)
+    return [
+        *flat,
+        slower,
+        *(Figure(name, "ms", tuple(1e3 * t for t in times)) for name, times in taken.items()),
+    ]
+
+
+def drives(stages: Stages) -> list[Figure]:
+    """A whole scenario, world, physics, laser and INS: simulated seconds per second, and peak memory."""
+    scenario = CATALOGUE[SCENARIO]
+    with stages.stage("compile"):
+        lasted = float(np.ptp(simulate(scenario, 0).recording.time))
+    times, peaks = [], []
+    for k in range(DRIVES):
+        with stages.stage(f"drive {k + 1}"):
+            simulate(scenario, 0)
+        cost = stages.costs[f"drive {k + 1}"]
+        times.append(cost.wall_s)
+        peaks += [cost.peak_mb] if cost.peak_mb is not None else []
+    note = f"seed 0, {lasted:.0f} s simulated"
+    figures = [Figure(f"{SCENARIO}, whole simulation", "× real time", tuple(lasted / t for t in times), note)]
+    return figures + ([Figure("peak memory", "MB", tuple(peaks), "of the process")] if peaks else [])
+
+
+def rates(cases: list[Case]) -> list[Figure]:
+    """Millions of rays per second of every case."""
+    taken = seconds({case.name: case.call for case in cases}, REPETITIONS)
+    return [
+        Figure(c.name, "M rays/s", tuple(1e-6 * c.poses * len(ANGLES) / t for t in taken[c.name]), c.note)
+        for c in cases
+    ]
+
+
+def tilted(poses: Array) -> Array:
+    """Poses ``(N, 6)`` of a tilted sensor at poses ``(N, 3)``, the same whenever they are asked for."""
+    tilt = np.random.default_rng(1).uniform(-TILT, TILT, (len(poses), 2))
+    return np.column_stack([poses, tilt, np.full(len(poses), SENSOR_HEIGHT)])
+
+
+def along(waypoints: Array) -> Array:
+    """Poses ``(N, 3)`` every 0.2 m of a route, looking along it."""
+    points = resample(waypoints, 0.2)
+    steps = np.gradient(points, axis=0)
+    return np.column_stack([points, np.arctan2(steps[:, 1], steps[:, 0])])
+
+
+def space_of(walls: Array) -> pymunk.Space:
+    """The walls as pymunk's thin segments."""
+    space = pymunk.Space()
+    for x1, y1, x2, y2 in walls.tolist():
+        space.add(pymunk.Segment(space.static_body, (x1, y1), (x2, y2), 0.0))
+    return space
+
+
+def pymunk_loop(space: pymunk.Space, poses: Array, reach: float) -> None:
+    """The nearest hit of every beam of every pose, as pymunk's users ask for it."""
+    everything = pymunk.ShapeFilter()
+    for x, y, yaw in poses.tolist():
+        ends = np.array([x, y]) + reach * np.column_stack([np.cos(yaw + ANGLES), np.sin(yaw + ANGLES)])
+        for end in ends.tolist():
+            space.segment_query_first((x, y), end, 0.0, everything)

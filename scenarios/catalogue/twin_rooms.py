@@ -1,0 +1,91 @@
+"""Rows of identical rooms, to the last piece of furniture, on both sides of a corridor.
+
+A scan from one room fits every other room: a stitch that looks perfect may be four metres off. The dead
+reckoning is good enough to tell neighbours apart, if a method asks it, and heaps of rubble and sills make the
+matcher lose its place between the rooms. What a method must show is that it accepts no false stitch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from scenarios.catalogue.building import jittered, start, walls, with_heaps, with_sills
+from scenarios.catalogue.furnishing import Area, furnish
+from sim.driver import resample
+from sim.record import Setup
+from sim.terrain import Terrain
+from sim.world import World
+from slam import se2
+from slam.se2 import Array
+
+ROOMS = 9
+"""On each side of the corridor."""
+WIDTH, DEPTH, CORRIDOR = 4.0, 4.5, 2.0
+"""Of a room along and across the corridor, and of the corridor [m]."""
+DOOR_X = 1.2
+"""Middle of a room's door, from its west wall [m]."""
+CEILING = 2.5
+CLEARANCE = 0.42
+HEAPS = 10
+SPREAD = 0.4
+"""How far the spot that is driven to in a room may be off its middle [m]."""
+VISITS = 7
+"""Rooms that the route enters, on the way out and on the way back."""
+
+
+def build(rng: np.random.Generator) -> Setup:
+    """One building: the furniture that all rooms share, rubble, and the rooms on the route from ``rng``."""
+    anchors = _anchors()
+    doors = np.array([se2.compose(anchor, [DOOR_X, DEPTH, 0.0]) for anchor in anchors])
+    route = draw_route(anchors, rng)
+    prisms = walls(_segments(), doors)
+    entered = np.array([[DOOR_X, DEPTH], [DOOR_X, DEPTH - 0.8], [0.5 * WIDTH, 0.5 * DEPTH]])
+    keep_clear = np.vstack([entered + [dx, 0.0] for dx in (-SPREAD, 0.0, SPREAD)])
+    kinds = rng.permutation(["bed", "desk", "cupboard", "table", "trolley", "chair"])
+    pieces = furnish(Area(0.0, 0.0, WIDTH, DEPTH), kinds, resample(keep_clear), CLEARANCE, rng)
+    for anchor in anchors:
+        prisms += [replace(p, footprint=se2.transform(anchor, p.footprint)) for p in pieces]
+    length, across = ROOMS * WIDTH, 2.0 * DEPTH + CORRIDOR
+    terrain = Terrain.level([-0.5, -0.5], [length + 0.5, across + 0.5])
+    terrain = with_heaps(with_sills(terrain, doors, rng), route, HEAPS, rng)
+    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route)
+
+
+def draw_route(anchors: Array, rng: np.random.Generator) -> Array:
+    """Waypoints ``(K, 2)`` m: out and back along the corridor, into rooms on both ways, one of them twice."""
+    y, length = DEPTH + 0.5 * CORRIDOR, ROOMS * WIDTH
+    rooms = rng.permutation(2 * ROOMS)[: VISITS - 1]
+    out, back = rooms[: VISITS // 2], rooms[VISITS // 2 - 1 :]
+    waypoints = [np.array([0.8, y])]
+    for k in sorted(out, key=lambda k: anchors[k, 0]):
+        waypoints += _visit(anchors[k], y, rng)
+    waypoints.append(np.array([length - 1.0, y]))
+    for k in sorted(back, key=lambda k: -anchors[k, 0]):
+        waypoints += _visit(anchors[k], y, rng)
+    return jittered([*waypoints, np.array([1.0, y])], 0.08, rng)
+
+
+def _visit(anchor: Array, corridor: float, rng: np.random.Generator) -> list[Array]:
+    """From the corridor in by the door, to the middle of the room, and out again."""
+    inside, spot = [DOOR_X, DEPTH - 0.8], [0.5 * WIDTH + rng.uniform(-SPREAD, SPREAD), 0.5 * DEPTH]
+    within = [se2.transform(anchor, np.array([p]))[0] for p in (inside, spot, inside)]
+    outside = np.array([within[0][0], corridor])
+    return [outside, *within, outside]
+
+
+def _anchors() -> Array:
+    """Frames ``(2 ROOMS, 3)`` of the rooms: their door is in the wall at y = DEPTH, to the corridor."""
+    south = [[WIDTH * k, 0.0, 0.0] for k in range(ROOMS)]
+    north = [[WIDTH * (k + 1), 2.0 * DEPTH + CORRIDOR, np.pi] for k in range(ROOMS)]
+    return np.array([*south, *north])
+
+
+def _segments() -> list[tuple[float, float, float, float]]:
+    """Outer walls, those of the corridor, and those between the rooms."""
+    length, across = ROOMS * WIDTH, 2.0 * DEPTH + CORRIDOR
+    sides = [(0.0, y, length, y) for y in (0.0, DEPTH, DEPTH + CORRIDOR, across)]
+    ends = [(x, 0.0, x, across) for x in (0.0, length)]
+    between = [(WIDTH * k, y, WIDTH * k, y + DEPTH) for k in range(1, ROOMS) for y in (0.0, DEPTH + CORRIDOR)]
+    return [*sides, *ends, *between]

@@ -1,0 +1,223 @@
+"""ROS 2 bags, sqlite3 or mcap: ``LaserScan``, ``Odometry`` and static transforms, read and written.
+
+Both need the package rosbags, which is pure Python. Axes are those of REP 103, like ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slam.formats import quaternion
+from slam.formats.errors import FormatError
+from slam.formats.pose_records import PoseRecords
+from slam.formats.text import recording_name
+from slam.recording import Laser, Odometry, Recording, Source
+from slam.se2 import Array
+
+HOW_TO_INSTALL = "a ROS 2 bag needs the package rosbags: pip install 'slamstitch[ros]'"
+SUFFIXES = (".db3", ".mcap")
+SCAN_TYPE, ODOMETRY_TYPE = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
+TF_TYPE, IMU_TYPE = "tf2_msgs/msg/TFMessage", "sensor_msgs/msg/Imu"
+SCAN, INS, ODOMETRY, TRUTH, ATTITUDE = "/scan", "/ins", "/odom", "/ground_truth", "/imu"
+TF, TF_STATIC = "/tf", "/tf_static"
+OPTIONAL = ((TRUTH, ODOMETRY_TYPE), (ATTITUDE, IMU_TYPE), (TF_STATIC, TF_TYPE))
+LEVEL = np.deg2rad(5.0)
+"""A laser mounted with more tilt than this [rad] does not see the plane."""
+RANGE_DECIMALS, ANGLE_DECIMALS = 5, 6
+"""Messages hold 32-bit floats; so many of their decimals mean something."""
+
+
+def is_bag(path: Path) -> bool:
+    """True for a folder with a metadata.yaml, and for a file that is named as a bag's storage."""
+    return (path / "metadata.yaml").is_file() or (path.suffix in SUFFIXES and path.is_file())
+
+
+@dataclass
+class _Bag:
+    """What the messages of one bag said so far."""
+
+    path: Path
+    source: Source = "odometry"
+    times: list[float] = field(default_factory=list)
+    rows: list[Array] = field(default_factory=list)
+    scan: Any = None  # the first LaserScan
+    base: str = ""
+    reckoned: PoseRecords = field(default_factory=PoseRecords)
+    truth: PoseRecords = field(default_factory=PoseRecords)
+    attitude: PoseRecords = field(default_factory=PoseRecords)
+    parents: dict[str, tuple[str, Array]] = field(default_factory=dict)  # child -> parent, T (4, 4)
+
+
+def read(path: str | PathLike[str]) -> Recording:
+    """Read a bag: its folder, or its .db3 or .mcap file.
+
+    Of several topics of one type that of our own bags is read, else the first by name; ``/ground_truth`` is
+    the truth, ``/ins`` the dead reckoning of an INS. It is interpolated at the scans, and kept at its full
+    rate where there is more of it. The mount comes from ``/tf_static``, and is zero where that does not lead
+    from the laser to the robot. Raises `FormatError`.
+    """
+    path = Path(path)
+    bag = _Bag(path)
+    for topic, message in _messages(path):
+        _take(bag, topic, message)
+    if bag.scan is None:
+        raise FormatError(f"no {SCAN_TYPE}, expected at least one", path)
+    if not bag.reckoned.times:
+        raise FormatError(f"no {ODOMETRY_TYPE}, expected dead reckoning", path)
+    time, angles = np.array(bag.times), _angles(bag.scan)
+    order = np.argsort(angles)
+    try:
+        return Recording(
+            name=recording_name(path),
+            time=time,
+            ranges=_ranges(bag)[:, order],
+            angles=angles[order],
+            laser=_laser(bag),
+            dead_reckoning=bag.reckoned.at_scans(time),
+            source=bag.source,
+            odometry=_full_rate(bag.reckoned, len(time)),
+            attitude=bag.attitude.at_scans(time) if bag.source == "ins" and bag.attitude.times else None,
+            truth=bag.truth.at_scans(time) if bag.truth.times else None,
+        )
+    except FormatError:
+        raise
+    except ValueError as error:
+        raise FormatError(str(error), path) from None
+
+
+def _messages(path: Path) -> Iterator[tuple[str, Any]]:
+    """Every message that says something about the recording, in the order of logging, with its topic."""
+    reader_of, typestore = _rosbags(path)
+    try:
+        with reader_of(path) as reader:
+            chosen = _topics(reader.connections)
+            wanted = [c for c in reader.connections if c.topic in chosen]
+            for connection, _, data in reader.messages(wanted) if wanted else ():
+                yield chosen[connection.topic], typestore.deserialize_cdr(data, connection.msgtype)
+    except Exception as error:  # rosbags lets through whatever its storage engines and parsers raise
+        raise FormatError(f"not a readable ROS 2 bag: {error}", path) from error
+
+
+def _rosbags(path: Path) -> tuple[Any, Any]:
+    """The reader class and the types of ROS 2's own messages. Raises `FormatError` without rosbags."""
+    try:
+        from rosbags.rosbag2 import Reader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise FormatError(HOW_TO_INSTALL, path) from None
+    return Reader, get_typestore(Stores.ROS2_HUMBLE)
+
+
+def _topics(connections: list[Any]) -> dict[str, str]:
+    """Topics to read, each with the name our own bags give it."""
+    named = sorted((c.topic, c.msgtype) for c in connections if c.msgcount)
+    scans = [topic for topic, kind in named if kind == SCAN_TYPE]
+    odometries = [topic for topic, kind in named if kind == ODOMETRY_TYPE and topic != TRUTH]
+    chosen = {topic: topic for topic, kind in named if (topic, kind) in OPTIONAL}
+    if scans:
+        chosen[SCAN if SCAN in scans else scans[0]] = SCAN
+    if INS in odometries:
+        chosen[INS] = INS
+    elif odometries:
+        chosen[ODOMETRY if ODOMETRY in odometries else odometries[0]] = ODOMETRY
+    return chosen
+
+
+def _take(bag: _Bag, topic: str, message: Any) -> None:
+    if topic == SCAN:
+        _take_scan(bag, message)
+    elif topic == TF_STATIC:
+        for link in message.transforms:
+            T = _transform(link.transform.rotation, link.transform.translation, bag.path)
+            bag.parents[_frame(link.child_frame_id)] = (_frame(link.header.frame_id), T)
+    elif topic == ATTITUDE:
+        q = message.orientation
+        bag.attitude.add(_seconds(message.header.stamp), list(quaternion.roll_pitch(q.w, q.x, q.y, q.z)))
+    else:
+        position, q = message.pose.pose.position, message.pose.pose.orientation
+        pose = [position.x, position.y, quaternion.yaw_of(q.w, q.x, q.y, q.z)]
+        (bag.truth if topic == TRUTH else bag.reckoned).add(_seconds(message.header.stamp), pose)
+        if topic != TRUTH:
+            bag.base = _frame(message.child_frame_id)
+            bag.source = "ins" if topic == INS else "odometry"
+
+
+def _take_scan(bag: _Bag, message: Any) -> None:
+    bag.scan = bag.scan or message
+    expected, beams = len(bag.scan.ranges), len(message.ranges)
+    if beams != expected:
+        where = f"scan {len(bag.rows) + 1} of {beams} ranges"
+        raise FormatError(f"{where}, expected {expected} as in the first scan", bag.path)
+    bag.times.append(_seconds(message.header.stamp))
+    bag.rows.append(np.asarray(message.ranges, dtype=np.float64))
+    for records in (bag.reckoned, bag.truth, bag.attitude):
+        records.scan()
+
+
+def _seconds(stamp: Any) -> float:
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def _frame(name: str) -> str:
+    return name.removeprefix("/")
+
+
+def _transform(rotation: Any, translation: Any, path: Path) -> Array:
+    q = (rotation.w, rotation.x, rotation.y, rotation.z)
+    if not any(q):
+        raise FormatError("static transform with a quaternion of zero, expected a rotation", path)
+    T = np.eye(4)
+    T[:3, :3] = quaternion.matrix(*q)
+    T[:3, 3] = translation.x, translation.y, translation.z
+    return T
+
+
+def _angles(scan: Any) -> Array:
+    """Beam angles ``(B,)`` as sent, which may be clockwise."""
+    beams = len(scan.ranges)
+    first, last = np.round([scan.angle_min, scan.angle_max], ANGLE_DECIMALS)
+    if abs(first + scan.angle_increment * (beams - 1) - last) < 0.5 * abs(scan.angle_increment):
+        return np.linspace(first, last, beams)
+    return first + scan.angle_increment * np.arange(beams)
+
+
+def _limits(scan: Any) -> tuple[float, float]:
+    low, high = np.round([scan.range_min, scan.range_max], RANGE_DECIMALS)
+    return float(low), float(high)
+
+
+def _ranges(bag: _Bag) -> Array:
+    """Ranges ``(N, B)`` m, NaN for what REP 117 counts as no return."""
+    ranges = np.round(np.array(bag.rows), RANGE_DECIMALS)
+    low, high = _limits(bag.scan)
+    return np.where((ranges >= low) & (ranges < high), ranges, np.nan)
+
+
+def _laser(bag: _Bag) -> Laser:
+    """Limits from the scan, mount from the static transforms between the robot and the laser."""
+    frame, T = _frame(bag.scan.header.frame_id), np.eye(4)
+    for _ in range(len(bag.parents)):
+        if frame == bag.base or frame not in bag.parents:
+            break
+        frame, T_parent = bag.parents[frame]
+        T = T_parent @ T
+    if frame != bag.base:
+        T = np.eye(4)
+    if T[2, 2] < np.cos(LEVEL):
+        raise FormatError("the laser is mounted tilted or upside down, expected a level one", bag.path)
+    low, high = _limits(bag.scan)
+    mount = np.array([T[0, 3], T[1, 3], np.arctan2(T[1, 0], T[0, 0])])
+    return Laser(range_min=low, range_max=high, T_robot_laser=mount)
+
+
+def _full_rate(records: PoseRecords, scans: int) -> Odometry | None:
+    if len(records.times) <= scans:
+        return None
+    rows = np.maximum(np.array(records.before_scan) - 1, 0)
+    return Odometry(time=np.array(records.times), poses=np.array(records.values), scan_row=rows)
