@@ -11,7 +11,8 @@ from slam.recording import Recording
 SCANS = 40
 """Scans of the recording's beginning that are driven twice."""
 BLIND = 10
-"""The last of them are driven blind in between: a failure, so that there is something to cut and to stitch."""
+"""The last of them are driven blind in between: a failure, so that there is something to cut and to
+stitch."""
 
 
 def rehearsal(recording: Recording) -> Recording:

@@ -23,8 +23,8 @@ class Segment:
 @dataclass(frozen=True)
 class SegmentationConfig:
     """``each_zero`` cuts at every step without matches (the report's Experiment 1), ``zero_run`` only at
-    ``run`` or more of them in a row (Experiment 2), ``threshold`` where ``measure`` exceeds ``threshold`` or failed.
-    Segments of fewer than ``least_steps`` matched steps are discarded.
+    ``run`` or more of them in a row (Experiment 2), ``threshold`` where ``measure`` exceeds ``threshold``
+    or failed. Segments of fewer than ``least_steps`` matched steps are discarded.
     """
 
     rule: Rule = "each_zero"

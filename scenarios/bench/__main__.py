@@ -19,7 +19,7 @@ COMMAND = "scenarios.bench"
 
 @dataclass(frozen=True)
 class Options:
-    """Measure, on one core, and print the median and the range of several repetitions.
+    """Measure on one core, in processor time, and print the median and the range of several repetitions.
 
     The best repetition is what the code can do; how far the others are from it is what else the machine did.
     """

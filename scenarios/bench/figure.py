@@ -30,16 +30,17 @@ class Figure:
 
 
 def seconds(calls: Mapping[str, Call], repetitions: int) -> dict[str, tuple[float, ...]]:
-    """Wall time [s] of every call in every repetition, after one that is not counted.
+    """Processor time [s] of every call in every repetition, after one that is not counted (it may compile).
 
-    The calls take turns, so that whatever else the machine does meets all of them.
+    On an idle core that is the wall time; on a shared one it leaves out the turns of others. The calls take
+    turns, so that whatever else the machine does meets all of them.
     """
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
         call()
     for _ in range(repetitions):
         for name, call in calls.items():
-            started = time.perf_counter()
+            started = time.process_time()
             call()
-            taken[name].append(time.perf_counter() - started)
+            taken[name].append(time.process_time() - started)
     return {name: tuple(times) for name, times in taken.items()}

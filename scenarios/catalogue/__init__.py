@@ -48,7 +48,7 @@ _SCENARIOS = (
     ),
     Scenario(
         "two_drives",
-        "The same offices driven round twice, a blind gap and a fall in between: two maps that overlap all over.",
+        "The same offices driven round twice, a blind gap and a fall between: two maps that overlap.",
         "scenarios.catalogue.two_drives:build",
         (65.0, 59.0),
         420.0,

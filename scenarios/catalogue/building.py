@@ -24,15 +24,13 @@ def rectangle(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, f
 
 
 def walls(segments: ArrayLike, doors: ArrayLike, width: float = DOOR) -> list[Prism]:
-    """Walls along ``segments (S, 4)`` m, open for ``width`` m wherever one of ``doors (K, >= 2)`` is on them."""
-    segments = np.asarray(segments, dtype=np.float64)
-    doors = np.asarray(doors, dtype=np.float64).reshape(len(np.asarray(doors)), -1)
+    """Walls along ``segments (S, 4)`` m, open for ``width`` m wherever one of ``doors (K, >= 2)`` lies."""
     prisms: list[Prism] = []
-    for x0, y0, x1, y1 in segments:
+    for x0, y0, x1, y1 in np.asarray(segments, dtype=np.float64):
         length = float(np.hypot(x1 - x0, y1 - y0))
         ux, uy = (x1 - x0) / length, (y1 - y0) / length
         openings = []
-        for x, y in doors[:, :2] if len(doors) else ():
+        for x, y, *_ in np.asarray(doors, dtype=np.float64):
             along, across = (x - x0) * ux + (y - y0) * uy, (y - y0) * ux - (x - x0) * uy
             if abs(across) < 0.05 and 0.0 < along < length:
                 openings.append(Door(along, width))

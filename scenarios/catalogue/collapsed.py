@@ -1,8 +1,8 @@
 """A collapsed building: rubble everywhere, slabs to climb and fall from, walls with pieces missing.
 
 The robot is never level: the laser draws the floor as often as the walls, passes over stones and under what
-hangs, and every fall from a slab upsets the yaw of the INS. Loose blocks give way when pushed. Failure here is
-the rule, not the exception: how much of a map can be saved?
+hangs, and every fall from a slab upsets the yaw of the INS. Loose blocks give way when pushed. Failure is
+the rule here, not the exception: how much of a map can be saved?
 """
 
 from __future__ import annotations

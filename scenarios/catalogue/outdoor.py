@@ -27,12 +27,12 @@ HEDGE = (0.5, 0.9)
 TREES, ROCKS, HEDGES, WALKERS, HEAPS = 50, 70, 5, 3, 10
 TRUNK = (0.1, 0.4)
 """Radius of a tree [m]."""
-HILLS, HILL = 0.25, 3.0
+HILLS, HILL = 0.2, 3.0
 """Typical height of the hills, and their size [m]."""
-LAPS = 1.25
+LAPS = 1.15
 """Of the figure of eight that is driven."""
 CLEARANCE = 0.6
-DRIVER = DriverConfig(speed=0.9, lookahead=0.7)
+DRIVER = DriverConfig(speed=0.9, lookahead=0.7, pause_every=18.0, pause_mean=3.0)
 
 
 def build(rng: np.random.Generator) -> Setup:

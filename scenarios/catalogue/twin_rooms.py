@@ -1,8 +1,8 @@
 """Rows of identical rooms, to the last piece of furniture, on both sides of a corridor.
 
-A scan from one room fits every other room: a stitch that looks perfect may be four metres off. The dead
-reckoning is good enough to tell neighbours apart, if a method asks it, and heaps of rubble and sills make the
-matcher lose its place between the rooms. What a method must show is that it accepts no false stitch.
+A scan from one room fits every other room: a stitch that looks perfect may be four metres off. The INS is
+consistent: its position drifts with its yaw, until neighbours are hardly told apart by it, and sills and heaps
+of rubble make the matcher lose its place. What a method must show is that it accepts no false stitch.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from scenarios.catalogue.building import jittered, start, walls, with_heaps, with_sills
 from scenarios.catalogue.furnishing import Area, furnish
 from sim.driver import resample
+from sim.inertial import InertialConfig
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World
@@ -26,6 +27,8 @@ WIDTH, DEPTH, CORRIDOR = 4.0, 4.5, 2.0
 """Of a room along and across the corridor, and of the corridor [m]."""
 DOOR_X = 1.2
 """Middle of a room's door, from its west wall [m]."""
+INERTIAL = InertialConfig(model="consistent")
+"""Its position drifts with its yaw, in the end by about a room."""
 CEILING = 2.5
 CLEARANCE = 0.42
 HEAPS = 10
@@ -41,16 +44,16 @@ def build(rng: np.random.Generator) -> Setup:
     doors = np.array([se2.compose(anchor, [DOOR_X, DEPTH, 0.0]) for anchor in anchors])
     route = draw_route(anchors, rng)
     prisms = walls(_segments(), doors)
-    entered = np.array([[DOOR_X, DEPTH], [DOOR_X, DEPTH - 0.8], [0.5 * WIDTH, 0.5 * DEPTH]])
-    keep_clear = np.vstack([entered + [dx, 0.0] for dx in (-SPREAD, 0.0, SPREAD)])
+    step, middle = [DOOR_X, DEPTH - 0.8], 0.5 * WIDTH
+    entered = [[DOOR_X, DEPTH], step, [middle - SPREAD, 0.5 * DEPTH], [middle + SPREAD, 0.5 * DEPTH], step]
     kinds = rng.permutation(["bed", "desk", "cupboard", "table", "trolley", "chair"])
-    pieces = furnish(Area(0.0, 0.0, WIDTH, DEPTH), kinds, resample(keep_clear), CLEARANCE, rng)
+    pieces = furnish(Area(0.0, 0.0, WIDTH, DEPTH), kinds, resample(entered), CLEARANCE, rng)
     for anchor in anchors:
         prisms += [replace(p, footprint=se2.transform(anchor, p.footprint)) for p in pieces]
     length, across = ROOMS * WIDTH, 2.0 * DEPTH + CORRIDOR
     terrain = Terrain.level([-0.5, -0.5], [length + 0.5, across + 0.5])
     terrain = with_heaps(with_sills(terrain, doors, rng), route, HEAPS, rng)
-    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route)
+    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route, inertial=INERTIAL)
 
 
 def draw_route(anchors: Array, rng: np.random.Generator) -> Array:

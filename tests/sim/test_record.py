@@ -288,6 +288,26 @@ def test_dead_reckoning_is_the_set_ups_choice(run, change, source, has_attitude)
     assert np.array_equal(recording.dead_reckoning, run.recording.dead_reckoning) == (not change)
 
 
+def test_tracks_drive_as_far_as_the_robot_and_their_difference_turns_it():
+    """Skid ratio 1.5 times 0.22 m between the tracks for every radian."""
+    driven = drive(replace(SETUP, world=room(), driver=replace(BUSY, caution=0.0)), np.random.default_rng(0))
+    distance = np.hypot(*np.diff(driven.states[:, :2], axis=0).T).sum()
+    left, right = driven.tracks[-1]
+    assert 0.5 * (left + right) == pytest.approx(distance, rel=0.02)
+    turned = driven.states[-1, 2] - driven.states[0, 2]
+    assert turned > np.pi
+    assert right - left == pytest.approx(1.5 * 0.22 * turned, rel=0.05)
+
+
+def test_a_blow_is_felt_once():
+    """At a closed door: hard when he runs into it, and not while he leans on it."""
+    blocked = replace(SETUP, world=room(box([2.5, 2.0, 0.0], 0.2, 4.0)), driver=replace(BUSY, attempts=0))
+    driven = drive(blocked, np.random.default_rng(0))
+    assert driven.ending == "stuck"
+    assert driven.impulse.max() > 5.0
+    assert np.sum(driven.impulse > 5.0) <= 2
+
+
 def test_dead_reckoning_can_be_overridden(run):
     setup = replace(SETUP, dead_reckoning="odometry")
     np.testing.assert_array_equal(

@@ -14,7 +14,7 @@ from scenarios.catalogue import CATALOGUE
 from scenarios.stages import Stages
 from sim.driver import resample
 from sim.laser import Raycaster
-from sim.record import simulate
+from sim.record import SimulatedRun, simulate
 from slam import se2
 from slam.se2 import Array
 
@@ -106,19 +106,17 @@ def growth() -> list[Figure]:
 
 def drives(stages: Stages) -> list[Figure]:
     """A whole scenario, world, physics, laser and INS: simulated seconds per second, and peak memory."""
-    scenario = CATALOGUE[SCENARIO]
-    with stages.stage("compile"):
-        lasted = float(np.ptp(simulate(scenario, 0).recording.time))
-    times, peaks = [], []
-    for k in range(DRIVES):
-        with stages.stage(f"drive {k + 1}"):
-            simulate(scenario, 0)
-        cost = stages.costs[f"drive {k + 1}"]
-        times.append(cost.wall_s)
-        peaks += [cost.peak_mb] if cost.peak_mb is not None else []
-    note = f"seed 0, {lasted:.0f} s simulated"
-    figures = [Figure(f"{SCENARIO}, whole simulation", "× real time", tuple(lasted / t for t in times), note)]
-    return figures + ([Figure("peak memory", "MB", tuple(peaks), "of the process")] if peaks else [])
+    runs: list[SimulatedRun] = []
+    with stages.stage("drives"):
+        taken = seconds({SCENARIO: lambda: runs.append(simulate(CATALOGUE[SCENARIO], 0))}, DRIVES)[SCENARIO]
+    lasted, peak = float(np.ptp(runs[0].recording.time)), stages.costs["drives"].peak_mb
+    pace = Figure(
+        f"{SCENARIO}, whole simulation",
+        "× real time",
+        tuple(lasted / t for t in taken),
+        f"seed 0, {lasted:.0f} s simulated",
+    )
+    return [pace] + ([Figure("peak memory", "MB", (peak,), "of the process")] if peak is not None else [])
 
 
 def rates(cases: list[Case]) -> list[Figure]:
