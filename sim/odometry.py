@@ -24,7 +24,7 @@ class OdometryConfig:
 
     slip: float = 0.02
     slip_per_tilt: float = 0.5
-    burst: float = 0.4
+    burst: float = 0.1
     burst_rate: float = 0.02
     burst_end_rate: float = 1.0
     skid_ratio: float = 1.4

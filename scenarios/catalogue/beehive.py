@@ -60,7 +60,7 @@ def centre(cell: tuple[int, int]) -> Array:
 def draw_route(rng: np.random.Generator) -> Array:
     """Waypoints ``(K, 2)`` m through the rooms of the route, turned by a multiple of 60 degrees."""
     turned = rng.integers(6)
-    cells = [_turned(cell, turned) for cell in ROUTE]
+    cells = [_turned(cell, int(turned)) for cell in ROUTE]
     spots = np.array([centre(cell) for cell in cells]) + rng.uniform(-0.6, 0.6, (len(cells), 2))
     waypoints = [spots[0]]
     for k in range(1, len(cells)):

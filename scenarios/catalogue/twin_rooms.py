@@ -1,8 +1,9 @@
 """Rows of identical rooms, to the last piece of furniture, on both sides of a corridor.
 
 A scan from one room fits every other room: a stitch that looks perfect may be four metres off. The INS is
-consistent: its position drifts with its yaw, until neighbours are hardly told apart by it, and sills and heaps
-of rubble make the matcher lose its place. What a method must show is that it accepts no false stitch.
+consistent: its position drifts with its yaw. At the far end of the corridor the robot falls from a ledge,
+which turns that yaw by some twelve degrees: on the way back the INS is in the wrong room. What a method must
+show is that it accepts no false stitch.
 """
 
 from __future__ import annotations
@@ -28,7 +29,11 @@ WIDTH, DEPTH, CORRIDOR = 4.0, 4.5, 2.0
 DOOR_X = 1.2
 """Middle of a room's door, from its west wall [m]."""
 INERTIAL = InertialConfig(model="consistent")
-"""Its position drifts with its yaw, in the end by about a room."""
+"""Its position drifts with its yaw."""
+LEDGE, SLOPE = 0.3, 1.8
+"""Height and length of the ramp that ends in the ledge, on the south side of the corridor [m]."""
+TURN = 6.0
+"""Length of the corridor's end, where no room is entered [m]."""
 CEILING = 2.5
 CLEARANCE = 0.42
 HEAPS = 10
@@ -53,18 +58,22 @@ def build(rng: np.random.Generator) -> Setup:
     length, across = ROOMS * WIDTH, 2.0 * DEPTH + CORRIDOR
     terrain = Terrain.level([-0.5, -0.5], [length + 0.5, across + 0.5])
     terrain = with_heaps(with_sills(terrain, doors, rng), route, HEAPS, rng)
+    ledge = np.array([length - 2.0, DEPTH + 0.5 * CORRIDOR - 0.45])
+    terrain = terrain.with_ramp(ledge - [SLOPE, 0.0], ledge, 0.7, LEDGE)
     return Setup(World(tuple(prisms), terrain, CEILING), start(route), route, inertial=INERTIAL)
 
 
 def draw_route(anchors: Array, rng: np.random.Generator) -> Array:
     """Waypoints ``(K, 2)`` m: out and back along the corridor, into rooms on both ways, one of them twice."""
     y, length = DEPTH + 0.5 * CORRIDOR, ROOMS * WIDTH
-    rooms = rng.permutation(2 * ROOMS)[: VISITS - 1]
+    doors = se2.transform(anchors, np.array([[DOOR_X, DEPTH]]))[:, 0]
+    rooms = rng.permutation(np.flatnonzero(doors[:, 0] < length - TURN))[: VISITS - 1]
     out, back = rooms[: VISITS // 2], rooms[VISITS // 2 - 1 :]
     waypoints = [np.array([0.8, y])]
     for k in sorted(out, key=lambda k: anchors[k, 0]):
         waypoints += _visit(anchors[k], y, rng)
-    waypoints.append(np.array([length - 1.0, y]))
+    turn = np.array([[TURN, 0.0], [4.5, -0.45], [1.2, -0.45], [1.2, 0.5], [4.5, 0.5], [TURN, 0.0]])
+    waypoints += list(np.array([length, y]) + turn * [-1.0, 1.0])
     for k in sorted(back, key=lambda k: -anchors[k, 0]):
         waypoints += _visit(anchors[k], y, rng)
     return jittered([*waypoints, np.array([1.0, y])], 0.08, rng)
