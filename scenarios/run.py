@@ -50,6 +50,10 @@ class Options:
     """File of true relative poses (Kümmerle et al. 2009) to score a log against."""
     laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
     """Laser in the robot's frame in m and rad, where a log does not tell."""
+    dead_reckoning: Annotated[
+        Literal["ins", "odometry"] | None, arg(metavar="ins|odometry", help_behavior_hint="")
+    ] = None
+    """What a simulated robot reckons with, where it shall not be what the scenario has."""
     start: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
     """Where a drive through a ROS map begins, in m and rad; drawn where it is not given."""
 
@@ -99,6 +103,8 @@ def checked(options: Options) -> tuple[list[str], str]:
     simulates = is_scenario(options.recording)
     if simulates and (options.relations or options.laser_mount):
         raise BadInput("--relations and --laser-mount are for logs: a scenario knows its own truth")
+    if options.dead_reckoning and not simulates:
+        raise BadInput("--dead-reckoning is for simulated robots: a log has what it has")
     if options.start and not (simulates and is_map(options.recording)):
         raise BadInput("--start is for ROS maps: scenarios and logs have a start of their own")
     name = Path(options.recording).name.split(".")[0]
@@ -112,7 +118,9 @@ def obtain(options: Options, stages: Stages) -> Source:
     if source.is_scenario(options.recording):
         tell_of_compilation(stages)
         with stages.stage("simulate"):
-            return source.simulated(options.recording, options.seed, options.start)
+            found = source.simulated(options.recording, options.seed, options.start, options.dead_reckoning)
+        stages.console.print(f"the drive ended: {found.settings['ending']}", style="dim", highlight=False)
+        return found
     with stages.stage("read"):
         found = source.logged(Path(options.recording), options.relations, options.laser_mount)
     tell_of_compilation(stages)

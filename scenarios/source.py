@@ -14,7 +14,7 @@ from scenarios.cli import BadInput, Pose, nearest
 
 if TYPE_CHECKING:
     from scenarios.estimate import Estimate
-    from sim.record import Buildable
+    from sim.record import Buildable, DeadReckoning
     from slam.recording import Recording
 
 MAP_SUFFIXES = (".yaml", ".yml")
@@ -49,15 +49,17 @@ def is_map(target: str) -> bool:
     return Path(target).suffix in MAP_SUFFIXES
 
 
-def simulated(target: str, seed: int, start: Pose | None = None) -> Source:
+def simulated(
+    target: str, seed: int, start: Pose | None = None, dead_reckoning: DeadReckoning | None = None
+) -> Source:
     """A drive through a scenario of the catalogue or a ROS map; of its settings all but the world itself.
 
-    ``start`` is where a drive through a map begins; None: drawn. Raises `BadInput` for a map that cannot be
-    read or driven through.
+    ``start`` is where a drive through a map begins; None: drawn. ``dead_reckoning`` overrides the scenario's
+    choice. Raises `BadInput` for a map that cannot be read or driven through.
     """
     from sim.record import simulate
 
-    run = simulate(_scenario(target, start), seed)
+    run = simulate(_scenario(target, start), seed, dead_reckoning)
     settings = {f.name: getattr(run.setup, f.name) for f in fields(run.setup) if f.name != "world"}
     return Source(run.recording, {**settings, "ending": run.ending})
 

@@ -41,8 +41,8 @@ CEILING = 2.5
 CLEARANCE = 0.45
 STONES, BLOCKS, BEAMS = 140, 14, 10
 """Stones, loose blocks on the route's edge, and hanging beams."""
-SLABS, SLAB_LENGTH, SLAB_RISE = 4, 1.6, (0.25, 0.45)
-"""Number, length and rise [m] of the slabs on the route."""
+SLABS, SLAB_LENGTH, SLAB_WIDTH, SLAB_RISE = 4, 1.6, 1.2, (0.25, 0.45)
+"""Number, length, width and rise [m] of the slabs on the route."""
 RUBBLE, ROUGHNESS = 0.03, np.deg2rad(3.0)
 HEAPS, HEAP_HEIGHT, HEAP_RADIUS = 40, (0.04, 0.09), (0.6, 1.3)
 DRIVER = DriverConfig(speed=0.7, caution=5.0, pause_every=14.0, pause_mean=3.0)
@@ -127,9 +127,18 @@ def _ground(path: Array, rng: np.random.Generator) -> Terrain:
             place, rng.uniform(*HEAP_RADIUS), rng.uniform(*HEAP_HEIGHT), ROUGHNESS, rng
         )
     steps = round(SLAB_LENGTH / 0.05)
-    for at in rng.choice(len(path) - steps, SLABS, replace=False):
-        terrain = terrain.with_ramp(path[at], path[at + steps], 1.2, rng.uniform(*SLAB_RISE))
+    for at in rng.choice(_passed_once(path), SLABS, replace=False):
+        terrain = terrain.with_ramp(path[at], path[at + steps], SLAB_WIDTH, rng.uniform(*SLAB_RISE))
     return terrain
+
+
+def _passed_once(path: Array) -> np.ndarray:
+    """Where along the route a slab may begin: nothing comes back to its upper end, which is too high to climb."""
+    steps = round(SLAB_LENGTH / 0.05)
+    gap = np.hypot(*(path[:, None] - path[None]).transpose(2, 0, 1))
+    apart = np.abs(np.subtract.outer(np.arange(len(path)), np.arange(len(path)))) > 2 * steps
+    lonely = ~np.any(apart & (gap < SLAB_WIDTH), axis=1)
+    return np.flatnonzero([lonely[at : at + steps + 10].all() for at in range(len(path) - steps)])
 
 
 def _distance(path: Array, block: Prism) -> float:

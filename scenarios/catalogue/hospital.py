@@ -115,13 +115,12 @@ def draw_rooms(rng: np.random.Generator) -> Rooms:
 
 
 def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
-    """Waypoints ``(K, 2)`` m: two loops that share the hall; seven rooms visited, one passed through."""
+    """Waypoints ``(K, 2)`` m: two loops that share the hall; six rooms visited, one passed through."""
     a, b = 0.5 * sum(CORRIDOR_A), 0.5 * sum(CORRIDOR_B)
     west = [rooms.south[0], rooms.south[1], rooms.middle[0]]
     legs = [
         [np.array([rng.uniform(11.0, 13.0), a])],
         _visit(rooms.south[rng.choice([3, 4])], a, rng, apart=1.3),
-        _glance(rooms.south[5], a, rng),
         _cross_hall(a, b, rng),
         _glance(rooms.north[rng.choice([4, 5])], b, rng),
         _glance(rooms.middle[3], b, rng),
@@ -131,7 +130,7 @@ def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
         _glance(west[rng.choice(3)], a, rng),
         _pass(rooms.middle[2], a, b),
         _cross_hall(b, a, rng),
-        [np.array([rng.uniform(18.0, 22.0), a])],
+        [np.array([rng.uniform(25.0, 28.0), a])],
     ]
     return jittered([point for leg in legs for point in leg], 0.08, rng)
 

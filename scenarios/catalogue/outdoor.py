@@ -8,6 +8,7 @@ about. The report expects its method to fail here.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from scenarios.catalogue.building import start, with_heaps
 from scenarios.catalogue.equipment import PIONEER, SICK
@@ -96,11 +97,9 @@ def _hedge(points: Array, rng: np.random.Generator) -> list[Prism]:
 
 def _clear_of(path: Array, prisms: list[Prism]) -> list[Prism]:
     """Those that stand clear of the route."""
-    return [
-        p
-        for p in prisms
-        if np.hypot(*(p.footprint[:, None] - path[None]).transpose(2, 0, 1)).min() > CLEARANCE
-    ]
+    route = cKDTree(path)
+    marks = [np.vstack([p.footprint, p.footprint.mean(axis=0)]) for p in prisms]
+    return [p for p, m in zip(prisms, marks, strict=True) if route.query(m)[0].min() > CLEARANCE]
 
 
 def _walker(path: Array, rng: np.random.Generator) -> Person:

@@ -85,6 +85,7 @@ BAD_OPTIONS = {
         "--laser-mount: expected three finite",
     ),
     "mount of a scenario": (["hospital", "--laser-mount", "0", "0", "0"], "--laser-mount are for logs"),
+    "unknown dead reckoning": (["hospital", "--dead-reckoning", "gps"], "invalid choice 'gps'"),
     "relations of a scenario": (["hospital", "--relations", "good.relations"], "--relations .* for logs"),
     "relations missing": (["good.log", "--relations", "no.relations"], "no.relations: no such file"),
     "relations empty": (["good.log", "--relations", "empty"], "empty: the file is empty"),
