@@ -172,7 +172,7 @@ def described(
         "scenario": source.settings,
         "methods": config,
     }
-    return Run(asked, environment(), options.seed, source.recording, estimates, metrics)
+    return Run(asked, environment(), options.seed, source.recording, estimates, metrics, source.simulated)
 
 
 def show(result: Run, form: str, folder: Path) -> None:
@@ -191,9 +191,11 @@ def show(result: Run, form: str, folder: Path) -> None:
 
 
 def print_catalogue() -> None:
-    """Every scenario and why it exists."""
+    """Every scenario: its size, the length of a drive, and why it exists."""
     for scenario in CATALOGUE.values():
-        print(f"{scenario.name:<14} {scenario.summary}")
+        across, deep = scenario.size_m
+        size, drive = f"{across:.0f} × {deep:.0f} m", f"{scenario.drive_m:.0f} m"
+        print(f"{scenario.name:<13} {size:>11} {drive:>6}  {scenario.summary}")
 
 
 if __name__ == "__main__":

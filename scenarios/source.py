@@ -14,7 +14,7 @@ from scenarios.cli import BadInput, Pose, nearest
 
 if TYPE_CHECKING:
     from scenarios.estimate import Estimate
-    from sim.record import Buildable, DeadReckoning
+    from sim.record import Buildable, DeadReckoning, SimulatedRun
     from slam.recording import Recording
 
 MAP_SUFFIXES = (".yaml", ".yml")
@@ -23,11 +23,13 @@ MAP_SUFFIXES = (".yaml", ".yml")
 
 @dataclass(frozen=True)
 class Source:
-    """A recording, the ``settings`` of its scenario (empty for a log), and what others answered for it."""
+    """A recording, the ``settings`` of its scenario (empty for a log), what others answered for it,
+    and what only its simulator knows (None for a log)."""
 
     recording: Recording
     settings: Mapping[str, object]
     published: tuple[Estimate, ...] = ()
+    simulated: SimulatedRun | None = None
 
 
 def is_scenario(target: str) -> bool:
@@ -61,7 +63,7 @@ def simulated(
 
     run = simulate(_scenario(target, start), seed, dead_reckoning)
     settings = {f.name: getattr(run.setup, f.name) for f in fields(run.setup) if f.name != "world"}
-    return Source(run.recording, {**settings, "ending": run.ending})
+    return Source(run.recording, {**settings, "ending": run.ending}, simulated=run)
 
 
 def _scenario(target: str, start: Pose | None) -> Buildable:

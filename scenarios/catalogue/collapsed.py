@@ -133,7 +133,7 @@ def _ground(path: Array, rng: np.random.Generator) -> Terrain:
 
 
 def _passed_once(path: Array) -> np.ndarray:
-    """Where along the route a slab may begin: nothing comes back to its upper end, which is too high to climb."""
+    """Where along the route a slab may begin: nothing comes back to its end, too high to climb."""
     steps = round(SLAB_LENGTH / 0.05)
     gap = np.hypot(*(path[:, None] - path[None]).transpose(2, 0, 1))
     apart = np.abs(np.subtract.outer(np.arange(len(path)), np.arange(len(path)))) > 2 * steps

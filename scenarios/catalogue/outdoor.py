@@ -103,7 +103,8 @@ def _clear_of(path: Array, prisms: list[Prism]) -> list[Prism]:
 
 
 def _walker(path: Array, rng: np.random.Generator) -> Person:
-    """Somebody who walks to and fro across the route."""
-    at = path[rng.integers(len(path))]
-    way = rng.uniform(-2.5, 2.5, 2)
-    return Person(np.array([at - way, at + way]), speed=rng.uniform(0.8, 1.4), start=rng.random())
+    """Somebody who walks to and fro across the route; turns well off it, so as not to stand in the way."""
+    at = rng.integers(100, len(path) - 1)
+    ahead = (path[at + 1] - path[at]) / np.hypot(*(path[at + 1] - path[at]))
+    way = rng.uniform(2.5, 4.0) * np.array([-ahead[1], ahead[0]])
+    return Person(np.array([path[at] - way, path[at] + way]), speed=rng.uniform(0.8, 1.4), start=rng.random())

@@ -18,6 +18,7 @@ from scenarios.catalogue.equipment import PIONEER, SICK
 from scenarios.catalogue.furnishing import Area
 from sim.corruption import Effects
 from sim.driver import DriverConfig
+from sim.inertial import ShockConfig
 from sim.record import Setup
 from slam.se2 import Array
 
@@ -27,10 +28,12 @@ STORE = Area(6.8, -5.9, 13.1, -0.2)
 """A store beside the south corridor, filled with smoke."""
 BLINDING = 60.0
 """Extinction coefficient there: hardly a beam comes as far as the laser's least range [1/m]."""
-LEDGE = 0.3
+LEDGE = 0.35
 """What the robot falls from in the store [m]."""
 RETURN = 0.03
 """Share of the scattered beams that come back."""
+SHOCK = ShockConfig(impulse=8.0)
+"""A blow that upsets the INS changes the speed of this lighter robot as much as that of others."""
 DRIVER = DriverConfig(speed=1.1, lookahead=0.7, pause_every=25.0, pause_mean=2.5)
 
 
@@ -56,6 +59,7 @@ def build(rng: np.random.Generator) -> Setup:
         route,
         robot=PIONEER,
         scanner=replace(SICK, effects=Effects(smoke_return=RETURN)),
+        shock=SHOCK,
         driver=DRIVER,
         scan_interval=0.35,
     )

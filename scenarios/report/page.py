@@ -19,6 +19,8 @@ from slam.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from sim.record import SimulatedRun
+
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -36,11 +38,13 @@ def render(
     estimates: Sequence[Estimate],
     metrics: Sequence[Metric],
     run: Mapping[str, object],
+    simulated: SimulatedRun | None = None,
 ) -> str:
     """The page of a run.
 
     ``run`` is told as it is, key by key (seed, versions, what else matters); its ``command`` is the command
-    line that made the run. Everything that comes from outside is escaped.
+    line that made the run. ``simulated`` is what only a simulator knows, for pictures of its world.
+    Everything that comes from outside is escaped.
     """
     import jinja2
 
@@ -55,7 +59,7 @@ def render(
         recording=recording,
         verdict=verdict(metrics),
         table=tabulate(metrics),
-        pictures=pictures(recording, estimates, metrics),
+        pictures=pictures(recording, estimates, metrics) + world_pictures(simulated, estimates),
         command=run.get("command"),
         run={key: value for key, value in run.items() if key != "command"},
     )
@@ -94,6 +98,27 @@ def pictures(recording: Recording, estimates: Sequence[Estimate], metrics: Seque
             what = f"Confidence of {estimate.method}'s scan matches over the drive"
             result.append(_picture(figures.confidence(estimate), what, f"{what}."))
     return result
+
+
+def world_pictures(simulated: SimulatedRun | None, estimates: Sequence[Estimate]) -> list[Picture]:
+    """The world from above, the drive and where the Weighted Scan Matcher failed; a scan from the side."""
+    if simulated is None:
+        return []
+    from scenarios.report import world
+
+    matcher = next((estimate for estimate in estimates if estimate.method == "wsm"), None)
+    return [
+        _picture(
+            world.from_above(simulated, matcher),
+            "The simulated world from above, the driven path coloured by the robot's tilt",
+            "The world and the drive, coloured by tilt. Shaded: uneven ground (brown) and smoke (grey).",
+        ),
+        _picture(
+            world.from_the_side(simulated),
+            "One tilted scan from the side: where its beams meet the floor or a wall",
+            "The scan with the most nose-down pitch, from the side: what a tilted laser takes for a wall.",
+        ),
+    ]
 
 
 def _picture(figure: Figure, alt: str, caption: str) -> Picture:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from scenarios.estimate import Estimate
 from scenarios.evaluation import Metric
 from slam.recording import Recording
+
+if TYPE_CHECKING:
+    from sim.record import SimulatedRun
 
 
 @dataclass(frozen=True)
@@ -20,3 +24,4 @@ class Run:
     recording: Recording
     estimates: Sequence[Estimate]
     metrics: Sequence[Metric]
+    simulated: SimulatedRun | None = None

@@ -19,4 +19,4 @@ def page(run: Run) -> str:
         "packages": made["packages"],
         "processor": f"{made['processor']}, {made['cores']} cores",
     }
-    return render(run.recording, run.estimates, run.metrics, told)
+    return render(run.recording, run.estimates, run.metrics, told, run.simulated)

@@ -2,13 +2,36 @@
 
 from __future__ import annotations
 
+import importlib
 import subprocess
 import sys
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from scenarios.catalogue import CATALOGUE
+
+MINUTE = 60.0
+"""Seconds of a drive that every scenario is tried with."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A scenario whose drive is broken off after a while."""
+
+    name: str
+    seconds: float
+
+    def build(self, rng):
+        setup = CATALOGUE[self.name].build(rng)
+        return replace(setup, driver=replace(setup.driver, time_limit=self.seconds))
+
+
+def outer_size(setup):
+    """Extent of what stands in the world [m]."""
+    corners = np.vstack([prism.footprint for prism in setup.world.prisms])
+    return np.ptp(corners, axis=0)
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +44,7 @@ def hospital():
 def test_listing_imports_no_simulator():
     code = (
         "import sys; from scenarios.catalogue import CATALOGUE; list(CATALOGUE.values());"
-        "sys.exit(any(m in sys.modules for m in ('numba', 'pymunk', 'sim')))"
+        "sys.exit(any(m in sys.modules for m in ('numpy', 'numba', 'pymunk', 'sim')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
@@ -38,6 +61,144 @@ def test_every_scenario_is_described_and_builds_alike_from_alike_seeds(name):
     np.testing.assert_array_equal(a.world.terrain.heights, b.world.terrain.heights)
     assert not np.array_equal(a.waypoints, c.waypoints)
     assert not np.array_equal(a.world.terrain.heights, c.world.terrain.heights)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_every_scenario_says_in_its_file_why_it_exists(name):
+    module = importlib.import_module(CATALOGUE[name].builder.split(":")[0])
+    assert module.__name__.endswith(name)
+    assert len(module.__doc__.split()) > 40
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_seeds_leave_the_size_of_a_scenario_alone(name):
+    """And the size is what the list says."""
+    scenario = CATALOGUE[name]
+    sizes = np.array([outer_size(scenario.build(np.random.default_rng(seed))) for seed in (1, 2)])
+    np.testing.assert_allclose(sizes[0], sizes[1], atol=0.02 * sizes.max())
+    np.testing.assert_allclose(sizes[0], scenario.size_m, atol=0.5)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_the_route_of_every_scenario_is_as_long_as_the_list_says(name):
+    route = CATALOGUE[name].build(np.random.default_rng(1)).waypoints
+    length = np.hypot(*np.diff(route, axis=0).T).sum()
+    assert length == pytest.approx(CATALOGUE[name].drive_m, rel=0.25)
+
+
+@pytest.mark.parametrize("name", ["beehive", "corridor", "twin_rooms"])
+def test_a_whole_drive_is_completed_and_as_long_as_the_list_says(name):
+    from sim.record import simulate
+
+    run = simulate(CATALOGUE[name], 100)
+    assert run.ending == "completed"
+    assert run.recording.distance == pytest.approx(CATALOGUE[name].drive_m, rel=0.25)
+    assert 600 <= len(run.recording) <= 1500
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_every_scenario_drives_and_sees_for_a_minute(name):
+    """It starts free of obstacles, gets on along its route, and its laser sees something."""
+    from sim.driver import resample
+    from sim.record import simulate
+
+    run = simulate(Begun(name, MINUTE), 100)
+    recording = run.recording
+    assert run.ending == "out of time"
+    assert recording.name == name
+    assert recording.time[-1] == pytest.approx(MINUTE, abs=1.0)
+    assert recording.distance > 12.0
+    path = resample(run.setup.waypoints)
+    off = np.hypot(*(recording.truth[:, None, :2] - path[None]).transpose(2, 0, 1)).min(axis=1)
+    assert off.max() < 1.0
+    assert np.median(np.isfinite(recording.ranges).sum(axis=1)) > 0.25 * recording.ranges.shape[1]
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_the_same_seed_gives_the_same_recording_and_another_seed_another(name):
+    from sim.record import simulate
+
+    a, b, c = (simulate(Begun(name, 10.0), seed).recording for seed in (100, 100, 101))
+    for mine, again, other in (
+        (a.ranges, b.ranges, c.ranges),
+        (a.dead_reckoning, b.dead_reckoning, c.dead_reckoning),
+        (a.truth, b.truth, c.truth),
+    ):
+        assert mine.tobytes() == again.tobytes()
+        assert mine.tobytes() != other.tobytes()
+
+
+def test_the_beehive_has_walls_in_three_directions():
+    setup = CATALOGUE["beehive"].build(np.random.default_rng(100))
+    walls = np.vstack([p.edges for p in setup.world.prisms if p.kind == "wall"])
+    along = walls[:, 2:] - walls[:, :2]
+    length = np.hypot(along[:, 0], along[:, 1])
+    angle = np.rad2deg(np.arctan2(along[:, 1], along[:, 0])) % 180.0
+    histogram, _ = np.histogram(angle, np.arange(-1.0, 182.0, 2.0), weights=length)
+    histogram[0] += histogram[-1]
+    peaks = 2.0 * np.sort(np.argsort(histogram[:-1])[-3:])
+    np.testing.assert_array_equal(np.diff(peaks), [60.0, 60.0])
+
+
+def test_twin_rooms_are_identical_to_the_last_piece_of_furniture():
+    from scenarios.catalogue.twin_rooms import DEPTH, ROOMS, WIDTH
+
+    setup = CATALOGUE["twin_rooms"].build(np.random.default_rng(100))
+    pieces = [p for p in setup.world.prisms if p.kind == "furniture"]
+    inside = [
+        sorted(
+            tuple(np.round((p.footprint.mean(axis=0) - [WIDTH * k, 0.0]), 9))
+            for p in pieces
+            if WIDTH * k < p.footprint[0, 0] < WIDTH * (k + 1) and p.footprint[0, 1] < DEPTH
+        )
+        for k in range(ROOMS)
+    ]
+    assert len(inside[0]) >= 6
+    for room in inside[1:]:
+        np.testing.assert_allclose(room, inside[0], atol=1e-6)
+
+
+def test_the_corridor_shows_its_length_nowhere_between_the_halls():
+    """Rays from two places half a corridor apart have the same lengths to a centimetre or two."""
+    from scenarios.catalogue.corridor import HALL, LENGTH
+    from sim.laser import Raycaster
+
+    setup = CATALOGUE["corridor"].build(np.random.default_rng(100))
+    places = [[HALL + share * LENGTH, 0.5 * HALL, 0.0] for share in (0.25, 0.5, 0.75)]
+    a, b, c = Raycaster(setup.world).cast(places, setup.scanner.angles, setup.scanner.range_max)
+    np.testing.assert_allclose(a, b, atol=1e-9)
+    np.testing.assert_allclose(a, c, atol=1e-9)
+
+
+def test_smoke_blinds_the_laser_between_the_two_drives_and_nowhere_else_for_as_long():
+    from scenarios.catalogue import two_drives
+    from sim.record import simulate
+
+    @dataclass(frozen=True)
+    class OnlyTheStore:
+        """The end of the first drive, the store, and the beginning of the second."""
+
+        name: str = "two_drives"
+
+        def build(self, rng):
+            setup = two_drives.build(rng)
+            store = two_drives.STORE
+            x, y = setup.waypoints.T
+            within = (x > store.x0) & (x < store.x1) & (y > store.y0) & (y < store.y1)
+            first, last = np.flatnonzero(within)[[0, -1]]
+            route = setup.waypoints[first - 1 : last + 3]
+            begin = (*route[0], -np.pi / 2.0)
+            return replace(setup, start=begin, waypoints=route)
+
+    run = simulate(OnlyTheStore(), 100)
+    assert run.ending == "completed"
+    blind = np.isfinite(run.recording.ranges).sum(axis=1) < 10
+    assert 30 < blind.sum() < 120
+    assert not blind[:3].any()
+    assert not blind[-3:].any()
+    error = run.recording.dead_reckoning[:, 2] - run.recording.truth[:, 2]
+    jump = np.rad2deg(np.abs(np.diff(np.unwrap(error))).max())
+    assert jump > 8.0  # the fall, while blind
 
 
 @pytest.mark.parametrize("seed", range(100, 104))

@@ -1,0 +1,236 @@
+"""Pictures of a simulated world: from above, with the driven path, and one tilted scan from the side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenarios.estimate import Estimate
+from scenarios.report.style import BLACK, BLUE, FONT, GREY, ORANGE, VERMILLION, WIDTH
+from slam import se2
+from slam.se2 import Array
+from slam.track import Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+
+    from sim.record import SimulatedRun
+
+FAN = np.deg2rad(30.0)
+"""Half the sector of beams drawn from the side: what is further off the heading would mislead."""
+BEHIND = 0.8
+"""Ground shown behind the robot [m]."""
+MOST_TILT = 12.0
+"""End of the colour scale [°]: a robot that lies on its back would bleach all else."""
+
+
+def from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
+    """Walls, furniture, terrain, smoke and movers, and the driven path coloured by its true tilt.
+
+    Where the matcher of ``estimate`` (the Weighted Scan Matcher's, say) had no match the path is marked.
+    """
+    from matplotlib.figure import Figure
+
+    low, high = _extent(run)
+    width, height = high - low
+    figure = Figure(
+        figsize=(WIDTH, np.clip(WIDTH * 0.86 * height / width, 2.2, 9.0) + 1.1), layout="constrained"
+    )
+    ax = figure.add_subplot()
+    _draw_ground(ax, run)
+    _draw_solids(ax, run)
+    line = _draw_path(ax, run)
+    if estimate is not None and estimate.track is not None:
+        tried = estimate.track.verdict != Verdict.SKIPPED
+        lost = run.recording.truth[tried & (estimate.track.matches == 0)]  # type: ignore[index]
+        ax.scatter(
+            lost[:, 0], lost[:, 1], s=26, facecolors="none", edgecolors=VERMILLION, linewidths=1.1, zorder=6
+        )
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    ax.tick_params(labelsize=FONT["tick"])
+    bar = figure.colorbar(line, ax=ax, shrink=0.8, pad=0.01, extend="max")
+    bar.set_label("tilt of the robot [°]", fontsize=FONT["label"])
+    bar.ax.tick_params(labelsize=FONT["tick"])
+    _legend(figure, run, estimate)
+    return figure
+
+
+def from_the_side(run: SimulatedRun) -> Figure:
+    """The scan with the most nose-down pitch of a robot on its feet, in the upright plane of its heading.
+
+    Beams within 30° of the heading, without noise; the dashed line is where a level laser would have looked.
+    """
+    from matplotlib.figure import Figure
+
+    scan = _most_pitched(run)
+    poses, angles, ranges = _seen(run, scan)
+    ahead, up = _in_heading_plane(poses, angles, ranges)
+    reach = max(1.5, float(np.nanmax(np.append(ahead, 0.0))))
+    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
+    ax = figure.add_subplot()
+    _draw_profile(ax, run, poses, reach)
+    z = float(poses[5])
+    for x, height in zip(ahead, up, strict=True):
+        ax.plot([0.0, x], [z, height], color=BLUE, linewidth=0.5, alpha=0.35)
+    ax.scatter(ahead, up, s=12, color=VERMILLION, zorder=4, label="what the beams met")
+    ax.plot([0.0, reach], [z, z], color=BLACK, linestyle="--", linewidth=0.9, label="a level laser")
+    ax.plot([0.0], [z], marker="s", color=BLACK, markersize=6, label="laser")
+    roll, pitch = np.degrees(run.tilt[scan])
+    ax.set_title(f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", fontsize=FONT["title"])
+    ax.set(xlim=(-BEHIND, reach + 0.3), xlabel="distance ahead [m]", ylabel="height [m]")
+    ax.tick_params(labelsize=FONT["tick"])
+    ax.legend(fontsize=FONT["tick"], loc="upper right", frameon=False, ncols=4)
+    return figure
+
+
+def _extent(run: SimulatedRun) -> tuple[Array, Array]:
+    truth = run.recording.truth
+    assert truth is not None
+    points = np.concatenate([run.walls.reshape(-1, 2), truth[:, :2]])
+    return points.min(axis=0) - 0.8, points.max(axis=0) + 0.8
+
+
+def _draw_ground(ax: Axes, run: SimulatedRun) -> None:
+    """Uneven ground in browns, smoke in greys over it."""
+    terrain, smoke = run.setup.world.terrain, run.setup.world.smoke
+    relief = np.where(np.abs(terrain.heights) > 1e-3, np.abs(terrain.heights), np.nan)
+    if np.any(np.isfinite(relief)):
+        _shade(ax, relief, terrain.origin, terrain.resolution, "YlOrBr", 0.55)
+    if smoke is not None:
+        field = smoke.field
+        _shade(
+            ax,
+            np.where(field.heights > 0.0, field.heights, np.nan),
+            (field.x0, field.y0),
+            field.resolution,
+            "Greys",
+            0.5,
+        )
+
+
+def _shade(
+    ax: Axes, values: Array, origin: tuple[float, float], resolution: float, colours: str, alpha: float
+) -> None:
+    rows, columns = values.shape
+    left, bottom = origin[0] - 0.5 * resolution, origin[1] - 0.5 * resolution
+    box = (left, left + columns * resolution, bottom, bottom + rows * resolution)
+    top = float(np.nanmax(values)) if np.any(np.isfinite(values)) else 1.0
+    ax.imshow(
+        values, origin="lower", extent=box, cmap=colours, vmin=-0.2 * top, vmax=top, alpha=alpha, zorder=0
+    )
+
+
+def _draw_solids(ax: Axes, run: SimulatedRun) -> None:
+    """What a level laser sees in black, what it sees over or under in outline, movers at the first scan."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    world, height = run.setup.world, run.setup.scanner.height
+    seen = [p.footprint for p in world.prisms if p.z_lo <= height <= p.z_hi]
+    missed = [p.footprint for p in world.prisms if not p.z_lo <= height <= p.z_hi]
+    ax.add_collection(PolyCollection(missed, facecolors="none", edgecolors=GREY, linewidths=0.8, zorder=2))
+    ax.add_collection(PolyCollection(seen, facecolors=BLACK, edgecolors=BLACK, linewidths=0.3, zorder=3))
+    shapes = [debris.shape for debris in world.debris] + [person.shape for person in world.people]
+    for place, shape in zip(run.movers[0], shapes, strict=True):
+        outline = se2.transform(place, shape.footprint)
+        closed = np.concatenate([outline, outline[:1]])
+        ax.add_collection(LineCollection([closed], colors=ORANGE, linewidths=1.2, zorder=4))
+
+
+def _draw_path(ax: Axes, run: SimulatedRun) -> LineCollection:
+    from matplotlib.collections import LineCollection
+
+    truth = run.recording.truth
+    assert truth is not None
+    tilt = np.degrees(np.arccos(np.clip(np.cos(run.tilt[:, 0]) * np.cos(run.tilt[:, 1]), -1.0, 1.0)))
+    pieces = np.stack([truth[:-1, :2], truth[1:, :2]], axis=1)
+    line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5)
+    line.set_array(np.maximum(tilt[:-1], tilt[1:]))
+    line.set_clim(0.0, MOST_TILT)
+    ax.add_collection(line)
+    ax.plot(*truth[0, :2], marker="o", color=BLUE, markersize=6, zorder=6)
+    return line
+
+
+def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> None:
+    from matplotlib.lines import Line2D
+
+    def marker(label: str, **style: object) -> Line2D:
+        return Line2D([], [], linestyle="none", label=label, **style)  # type: ignore[arg-type]
+
+    world = run.setup.world
+    entries = [
+        marker("at the laser's height", marker="s", color=BLACK),
+        marker("lower or higher", marker="s", markerfacecolor="none", markeredgecolor=GREY),
+        marker("start", marker="o", color=BLUE),
+    ]
+    if world.debris or world.people:
+        entries.append(
+            marker("moves (at the start)", marker="s", markerfacecolor="none", markeredgecolor=ORANGE)
+        )
+    if estimate is not None:
+        entries.append(
+            marker(
+                f"{estimate.method}: no match", marker="o", markerfacecolor="none", markeredgecolor=VERMILLION
+            )
+        )
+    figure.legend(
+        handles=entries, fontsize=FONT["tick"], frameon=False, ncols=len(entries), loc="outside lower center"
+    )
+
+
+def _most_pitched(run: SimulatedRun) -> int:
+    """The scan with the most nose-down pitch among those of a robot that is not falling over."""
+    upright = np.max(np.abs(run.tilt), axis=1) < np.deg2rad(25.0)
+    return int(np.argmax(np.where(upright, run.tilt[:, 1], -np.inf)))
+
+
+def _seen(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array]:
+    """Pose ``(6,)`` of the laser at a scan, beam angles near the heading, and the true ranges along them."""
+    from sim.terrain import height_at
+
+    truth = run.recording.truth
+    assert truth is not None
+    scanner, world = run.setup.scanner, run.setup.world
+    x, y, yaw = truth[scan]
+    ground = height_at(float(x), float(y), world.terrain.field)
+    pose = scanner.sensor_poses(np.array([x, y, yaw, *run.tilt[scan], ground]))
+    angles = scanner.angles[np.abs(scanner.angles) <= FAN]
+    ranges = scanner.caster(world).cast(pose[None], angles + scanner.mount[2], scanner.range_max)[0]
+    return pose, angles, ranges
+
+
+def _in_heading_plane(pose: Array, angles: Array, ranges: Array) -> tuple[Array, Array]:
+    """Distance ahead of the laser and height of each return, NaN without."""
+    roll, pitch = pose[3], pose[4]
+    c, s = np.cos(angles), np.sin(angles)
+    ahead = ranges * (np.cos(pitch) * c + np.sin(pitch) * np.sin(roll) * s)
+    up = ranges * (-np.sin(pitch) * c + np.cos(pitch) * np.sin(roll) * s)
+    return ahead, pose[5] + up
+
+
+def _draw_profile(ax: Axes, run: SimulatedRun, pose: Array, reach: float) -> None:
+    """The ground along the heading, and what stands on the heading."""
+    from sim.terrain import heights_at
+
+    world = run.setup.world
+    along = np.arange(-BEHIND, reach + 0.3, 0.02)
+    line = pose[:2] + along[:, None] * np.array([np.cos(pose[2]), np.sin(pose[2])])
+    ground = heights_at(np.ascontiguousarray(line), world.terrain.field)
+    ax.fill_between(along, ground, min(-0.15, float(ground.min()) - 0.1), color=GREY, linewidth=0.0)
+    ceiling = float(pose[5]) + 0.7
+    for prism in world.prisms:
+        inside = along[_inside(line, prism.footprint)]
+        if len(inside):
+            low, top = max(prism.z_lo, 0.0), min(prism.z_hi, ceiling)
+            ax.fill_between([inside[0], inside[-1] + 0.02], low, top, color=BLACK, alpha=0.75, linewidth=0.0)
+    ax.set_ylim(float(ground.min()) - 0.1, ceiling)
+
+
+def _inside(points: Array, footprint: Array) -> np.ndarray:
+    """Points ``(n, 2)`` inside a convex counter-clockwise footprint."""
+    edges = np.roll(footprint, -1, axis=0) - footprint
+    offset = points[:, None] - footprint
+    return np.all(edges[:, 0] * offset[..., 1] - edges[:, 1] * offset[..., 0] >= 0.0, axis=1)

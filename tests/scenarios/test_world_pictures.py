@@ -1,0 +1,70 @@
+"""Pictures of a simulated world show what happened in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.estimate import Estimate
+from scenarios.report import world as pictures
+from scenarios.report.page import world_pictures
+from sim.floorplan import box, wall
+from sim.record import Setup, SimulatedRun, simulate
+from sim.terrain import Terrain
+from sim.world import World
+from slam.frontend import MANIFOLD_SLAM, track
+
+
+class Room:
+    """A room with a ramp on the way and a low box."""
+
+    name = "room"
+
+    def build(self, rng: np.random.Generator) -> Setup:
+        corners = np.array([[0.0, 0.0], [7.0, 0.0], [7.0, 3.0], [0.0, 3.0], [0.0, 0.0]])
+        walls = [p for a, b in zip(corners[:-1], corners[1:], strict=True) for p in wall(a, b)]
+        ground = Terrain.level([-1.0, -1.0], [8.0, 4.0]).with_ramp([2.5, 1.5], [3.5, 1.5], 1.5, 0.1)
+        low = box([5.5, 2.5, 0.0], 0.4, 0.4, z_hi=0.2)
+        return Setup(World((*walls, low), ground, 2.5), (1.0, 1.5, 0.0), np.array([[1.5, 1.5], [6.0, 1.5]]))
+
+
+@pytest.fixture(scope="module")
+def run() -> SimulatedRun:
+    return simulate(Room(), 0)
+
+
+def test_failures_of_the_matcher_are_marked_where_they_happened(run: SimulatedRun) -> None:
+    found = track(run.recording, MANIFOLD_SLAM)
+    matches = found.matches.copy()
+    tried = np.flatnonzero(found.verdict != 2)
+    matches[:] = 50
+    matches[tried[[3, 5]]] = 0
+    figure = pictures.from_above(run, Estimate("wsm", found.poses, track=replace(found, matches=matches)))
+    marks = figure.axes[0].collections[-1].get_offsets()
+    assert run.recording.truth is not None
+    np.testing.assert_allclose(np.asarray(marks), run.recording.truth[tried[[3, 5]], :2])
+
+
+def test_the_path_is_coloured_by_the_true_tilt(run: SimulatedRun) -> None:
+    figure = pictures.from_above(run)
+    colours = next(c.get_array() for c in figure.axes[0].collections if c.get_array() is not None)
+    assert np.max(colours) == pytest.approx(np.degrees(np.max(np.abs(run.tilt))), rel=0.1)
+
+
+def test_the_side_view_takes_the_scan_with_the_most_pitch_and_its_beams_end_on_something(
+    run: SimulatedRun,
+) -> None:
+    figure = pictures.from_the_side(run)
+    scan = int(np.argmax(run.tilt[:, 1]))
+    assert f"scan {scan}:" in figure.axes[0].get_title()
+    hits = next(c for c in figure.axes[0].collections if c.get_label() == "what the beams met").get_offsets()
+    heights = np.asarray(hits)[:, 1]
+    assert np.nanmin(heights) > -0.01
+    assert np.nanmin(heights) < run.setup.scanner.height, "a laser that looks down sees below its height"
+
+
+def test_a_log_has_no_world_to_show(run: SimulatedRun) -> None:
+    assert world_pictures(None, []) == []
+    assert len(world_pictures(run, [])) == 2
