@@ -10,6 +10,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from scenarios.catalogue.building import jittered, rectangle, start, walls
 from scenarios.catalogue.furnishing import stones
@@ -44,7 +45,7 @@ STONES, BLOCKS, BEAMS = 140, 14, 10
 SLABS, SLAB_LENGTH, SLAB_WIDTH, SLAB_RISE = 4, 1.6, 1.2, (0.25, 0.45)
 """Number, length, width and rise [m] of the slabs on the route."""
 RUBBLE, ROUGHNESS = 0.03, np.deg2rad(3.0)
-HEAPS, HEAP_HEIGHT, HEAP_RADIUS = 40, (0.04, 0.09), (0.6, 1.3)
+HEAPS, HEAP_HEIGHT, HEAP_RADIUS = 30, (0.04, 0.09), (0.6, 1.3)
 DRIVER = DriverConfig(speed=0.7, caution=5.0, pause_every=14.0, pause_mean=3.0)
 
 
@@ -135,10 +136,9 @@ def _ground(path: Array, rng: np.random.Generator) -> Terrain:
 def _passed_once(path: Array) -> np.ndarray:
     """Where along the route a slab may begin: nothing comes back to its end, too high to climb."""
     steps = round(SLAB_LENGTH / 0.05)
-    gap = np.hypot(*(path[:, None] - path[None]).transpose(2, 0, 1))
-    apart = np.abs(np.subtract.outer(np.arange(len(path)), np.arange(len(path)))) > 2 * steps
-    lonely = ~np.any(apart & (gap < SLAB_WIDTH), axis=1)
-    return np.flatnonzero([lonely[at : at + steps + 10].all() for at in range(len(path) - steps)])
+    near = cKDTree(path).query_ball_point(path, SLAB_WIDTH)
+    once = np.array([max(at) - min(at) < 4 * steps for at in near])
+    return np.flatnonzero([once[at : at + steps + 10].all() for at in range(len(path) - steps)])
 
 
 def _distance(path: Array, block: Prism) -> float:

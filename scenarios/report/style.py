@@ -16,7 +16,7 @@ BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "#B0B0B0"
 
 WIDTH = 11.0
 """Width of a figure [inch]: 1100 pixels at 100 dpi."""
-DPI = 150
+DPI = 120
 FONT = {"title": 10, "label": 9, "tick": 8}
 
 
@@ -70,5 +70,5 @@ def grid(
 def png(figure: Figure, dpi: int = DPI) -> bytes:
     """The figure as a PNG file."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, facecolor="white")
+    figure.savefig(buffer, format="png", dpi=dpi, facecolor="white", pil_kwargs={"compress_level": 4})
     return buffer.getvalue()

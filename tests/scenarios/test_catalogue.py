@@ -6,13 +6,14 @@ import importlib
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from scenarios.catalogue import CATALOGUE
 
-MINUTE = 60.0
+BEGINNING = 30.0
 """Seconds of a drive that every scenario is tried with."""
 
 
@@ -21,11 +22,15 @@ class Begun:
     """A scenario whose drive is broken off after a while."""
 
     name: str
-    seconds: float
 
     def build(self, rng):
         setup = CATALOGUE[self.name].build(rng)
-        return replace(setup, driver=replace(setup.driver, time_limit=self.seconds))
+        return replace(setup, driver=replace(setup.driver, time_limit=BEGINNING))
+
+
+@cache
+def built(name, seed):
+    return CATALOGUE[name].build(np.random.default_rng(seed))
 
 
 def outer_size(setup):
@@ -55,7 +60,7 @@ def test_every_scenario_is_described_and_builds_alike_from_alike_seeds(name):
     assert scenario.name == name
     assert scenario.summary.endswith(".")
     assert "\n" not in scenario.summary
-    a, b, c = (scenario.build(np.random.default_rng(seed)) for seed in (1, 1, 2))
+    a, b, c = built(name, 1), scenario.build(np.random.default_rng(1)), built(name, 2)
     np.testing.assert_array_equal(a.waypoints, b.waypoints)
     np.testing.assert_array_equal(a.world.obstacles.edges, b.world.obstacles.edges)
     np.testing.assert_array_equal(a.world.terrain.heights, b.world.terrain.heights)
@@ -73,20 +78,19 @@ def test_every_scenario_says_in_its_file_why_it_exists(name):
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_seeds_leave_the_size_of_a_scenario_alone(name):
     """And the size is what the list says."""
-    scenario = CATALOGUE[name]
-    sizes = np.array([outer_size(scenario.build(np.random.default_rng(seed))) for seed in (1, 2)])
+    sizes = np.array([outer_size(built(name, seed)) for seed in (1, 2)])
     np.testing.assert_allclose(sizes[0], sizes[1], atol=0.02 * sizes.max())
-    np.testing.assert_allclose(sizes[0], scenario.size_m, atol=0.5)
+    np.testing.assert_allclose(sizes[0], CATALOGUE[name].size_m, atol=0.5)
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_the_route_of_every_scenario_is_as_long_as_the_list_says(name):
-    route = CATALOGUE[name].build(np.random.default_rng(1)).waypoints
+    route = built(name, 1).waypoints
     length = np.hypot(*np.diff(route, axis=0).T).sum()
     assert length == pytest.approx(CATALOGUE[name].drive_m, rel=0.25)
 
 
-@pytest.mark.parametrize("name", ["beehive", "corridor", "twin_rooms"])
+@pytest.mark.parametrize("name", ["beehive", "corridor"])
 def test_a_whole_drive_is_completed_and_as_long_as_the_list_says(name):
     from sim.record import simulate
 
@@ -97,39 +101,27 @@ def test_a_whole_drive_is_completed_and_as_long_as_the_list_says(name):
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
-def test_every_scenario_drives_and_sees_for_a_minute(name):
-    """It starts free of obstacles, gets on along its route, and its laser sees something."""
+def test_every_scenario_drives_and_sees_and_does_so_again(name):
+    """It starts free of obstacles, gets on along its route, sees something; the seed decides every byte."""
     from sim.driver import resample
     from sim.record import simulate
 
-    run = simulate(Begun(name, MINUTE), 100)
+    run, again = simulate(Begun(name), 100), simulate(Begun(name), 100)
     recording = run.recording
     assert run.ending == "out of time"
     assert recording.name == name
-    assert recording.time[-1] == pytest.approx(MINUTE, abs=1.0)
-    assert recording.distance > 12.0
+    assert recording.time[-1] == pytest.approx(BEGINNING, abs=1.0)
+    assert recording.distance > 5.0
     path = resample(run.setup.waypoints)
     off = np.hypot(*(recording.truth[:, None, :2] - path[None]).transpose(2, 0, 1)).min(axis=1)
-    assert off.max() < 1.0
+    assert off.max() < 0.8
     assert np.median(np.isfinite(recording.ranges).sum(axis=1)) > 0.25 * recording.ranges.shape[1]
-
-
-@pytest.mark.parametrize("name", CATALOGUE)
-def test_the_same_seed_gives_the_same_recording_and_another_seed_another(name):
-    from sim.record import simulate
-
-    a, b, c = (simulate(Begun(name, 10.0), seed).recording for seed in (100, 100, 101))
-    for mine, again, other in (
-        (a.ranges, b.ranges, c.ranges),
-        (a.dead_reckoning, b.dead_reckoning, c.dead_reckoning),
-        (a.truth, b.truth, c.truth),
-    ):
-        assert mine.tobytes() == again.tobytes()
-        assert mine.tobytes() != other.tobytes()
+    for field in ("time", "ranges", "dead_reckoning", "truth"):
+        assert getattr(recording, field).tobytes() == getattr(again.recording, field).tobytes()
 
 
 def test_the_beehive_has_walls_in_three_directions():
-    setup = CATALOGUE["beehive"].build(np.random.default_rng(100))
+    setup = built("beehive", 1)
     walls = np.vstack([p.edges for p in setup.world.prisms if p.kind == "wall"])
     along = walls[:, 2:] - walls[:, :2]
     length = np.hypot(along[:, 0], along[:, 1])
@@ -143,7 +135,7 @@ def test_the_beehive_has_walls_in_three_directions():
 def test_twin_rooms_are_identical_to_the_last_piece_of_furniture():
     from scenarios.catalogue.twin_rooms import DEPTH, ROOMS, WIDTH
 
-    setup = CATALOGUE["twin_rooms"].build(np.random.default_rng(100))
+    setup = built("twin_rooms", 1)
     pieces = [p for p in setup.world.prisms if p.kind == "furniture"]
     inside = [
         sorted(
@@ -159,11 +151,11 @@ def test_twin_rooms_are_identical_to_the_last_piece_of_furniture():
 
 
 def test_the_corridor_shows_its_length_nowhere_between_the_halls():
-    """Rays from two places half a corridor apart have the same lengths to a centimetre or two."""
+    """Three places along it see the same."""
     from scenarios.catalogue.corridor import HALL, LENGTH
     from sim.laser import Raycaster
 
-    setup = CATALOGUE["corridor"].build(np.random.default_rng(100))
+    setup = built("corridor", 1)
     places = [[HALL + share * LENGTH, 0.5 * HALL, 0.0] for share in (0.25, 0.5, 0.75)]
     a, b, c = Raycaster(setup.world).cast(places, setup.scanner.angles, setup.scanner.range_max)
     np.testing.assert_allclose(a, b, atol=1e-9)
