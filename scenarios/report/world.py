@@ -19,10 +19,16 @@ if TYPE_CHECKING:
 
     from sim.record import SimulatedRun
 
-FAN = np.deg2rad(30.0)
+FAN = np.deg2rad(8.0)
 """Half the sector of beams drawn from the side: what is further off the heading would mislead."""
+FARTHEST = 6.0
+"""Of the level laser's view, drawn from the side [m]."""
 BEHIND = 0.8
 """Ground shown behind the robot [m]."""
+MOST_SMOKE = 8.0
+"""Extinction coefficient drawn darkest [1/m]: what blinds the laser would bleach the haze."""
+SHADES = 6
+"""Of ground and of smoke: bands, which read like contour lines and keep the picture small."""
 MOST_TILT = 12.0
 """End of the colour scale [°]: a robot that lies on its back would bleach all else."""
 
@@ -61,28 +67,36 @@ def from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
 def from_the_side(run: SimulatedRun) -> Figure:
     """The scan with the most nose-down pitch of a robot on its feet, in the upright plane of its heading.
 
-    Beams within 30° of the heading, without noise; the dashed line is where a level laser would have looked.
+    Beams within 8° of the heading, without noise; the dashed line is where a level laser would have looked.
     """
     from matplotlib.figure import Figure
 
     scan = _most_pitched(run)
-    poses, angles, ranges = _seen(run, scan)
-    ahead, up = _in_heading_plane(poses, angles, ranges)
-    reach = max(1.5, float(np.nanmax(np.append(ahead, 0.0))))
+    pose, angles, ranges = _seen(run, scan)
+    ahead, up = _in_heading_plane(pose, angles, ranges)
+    level = _level_range(run, pose)
+    reach = max(1.5, level, float(np.nanmax(np.append(ahead, 0.0))))
     figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
     ax = figure.add_subplot()
-    _draw_profile(ax, run, poses, reach)
-    z = float(poses[5])
+    _draw_profile(ax, run, pose, reach)
+    z = float(pose[5])
     for x, height in zip(ahead, up, strict=True):
         ax.plot([0.0, x], [z, height], color=BLUE, linewidth=0.5, alpha=0.35)
     ax.scatter(ahead, up, s=12, color=VERMILLION, zorder=4, label="what the beams met")
-    ax.plot([0.0, reach], [z, z], color=BLACK, linestyle="--", linewidth=0.9, label="a level laser")
-    ax.plot([0.0], [z], marker="s", color=BLACK, markersize=6, label="laser")
+    ax.plot([0.0, level], [z, z], color=BLACK, linestyle="--", linewidth=0.9, label="a level laser")
+    ax.plot([0.0], [z], marker="s", color=BLACK, markersize=6, linestyle="none", label="laser")
     roll, pitch = np.degrees(run.tilt[scan])
-    ax.set_title(f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", fontsize=FONT["title"])
+    ax.set_title(f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", fontsize=FONT["title"], loc="left")
     ax.set(xlim=(-BEHIND, reach + 0.3), xlabel="distance ahead [m]", ylabel="height [m]")
     ax.tick_params(labelsize=FONT["tick"])
-    ax.legend(fontsize=FONT["tick"], loc="upper right", frameon=False, ncols=4)
+    ax.legend(
+        fontsize=FONT["tick"],
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderpad=0,
+        frameon=False,
+        ncols=3,
+    )
     return figure
 
 
@@ -96,30 +110,32 @@ def _extent(run: SimulatedRun) -> tuple[Array, Array]:
 def _draw_ground(ax: Axes, run: SimulatedRun) -> None:
     """Uneven ground in browns, smoke in greys over it."""
     terrain, smoke = run.setup.world.terrain, run.setup.world.smoke
-    relief = np.where(np.abs(terrain.heights) > 1e-3, np.abs(terrain.heights), np.nan)
-    if np.any(np.isfinite(relief)):
-        _shade(ax, relief, terrain.origin, terrain.resolution, "YlOrBr", 0.55)
+    _shade(ax, np.abs(terrain.heights), terrain.origin, terrain.resolution, "YlOrBr")
     if smoke is not None:
-        field = smoke.field
-        _shade(
-            ax,
-            np.where(field.heights > 0.0, field.heights, np.nan),
-            (field.x0, field.y0),
-            field.resolution,
-            "Greys",
-            0.5,
-        )
+        visible = np.sqrt(np.minimum(smoke.extinction, MOST_SMOKE))  # shows haze beside thick smoke
+        _shade(ax, visible, smoke.origin, smoke.resolution, "Greys")
 
 
-def _shade(
-    ax: Axes, values: Array, origin: tuple[float, float], resolution: float, colours: str, alpha: float
-) -> None:
+def _shade(ax: Axes, values: Array, origin: tuple[float, float], resolution: float, colours: str) -> None:
+    """A field in bands of colour, nothing where it is zero."""
+    from matplotlib import colormaps
+
+    if not np.any(values > 0.0):
+        return
     rows, columns = values.shape
     left, bottom = origin[0] - 0.5 * resolution, origin[1] - 0.5 * resolution
     box = (left, left + columns * resolution, bottom, bottom + rows * resolution)
-    top = float(np.nanmax(values)) if np.any(np.isfinite(values)) else 1.0
+    top = float(values.max())
     ax.imshow(
-        values, origin="lower", extent=box, cmap=colours, vmin=-0.2 * top, vmax=top, alpha=alpha, zorder=0
+        np.where(values > 0.0, values, np.nan),
+        origin="lower",
+        extent=box,
+        cmap=colormaps[colours].resampled(SHADES),
+        vmin=-0.2 * top,
+        vmax=top,
+        alpha=0.55,
+        interpolation="nearest",
+        zorder=0,
     )
 
 
@@ -200,6 +216,14 @@ def _seen(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array]:
     angles = scanner.angles[np.abs(scanner.angles) <= FAN]
     ranges = scanner.caster(world).cast(pose[None], angles + scanner.mount[2], scanner.range_max)[0]
     return pose, angles, ranges
+
+
+def _level_range(run: SimulatedRun, pose: Array) -> float:
+    """How far a level laser would have seen along the heading, as far as it is drawn [m]."""
+    caster = run.setup.scanner.caster(run.setup.world)
+    level = pose * [1.0, 1.0, 1.0, 0.0, 0.0, 1.0]
+    met = caster.cast(level[None], np.zeros(1), run.setup.scanner.range_max)[0, 0]
+    return float(np.fmin(met, min(run.setup.scanner.range_max, FARTHEST)))
 
 
 def _in_heading_plane(pose: Array, angles: Array, ranges: Array) -> tuple[Array, Array]:

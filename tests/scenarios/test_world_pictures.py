@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ class Room:
 
     def build(self, rng: np.random.Generator) -> Setup:
         corners = np.array([[0.0, 0.0], [7.0, 0.0], [7.0, 3.0], [0.0, 3.0], [0.0, 0.0]])
-        walls = [p for a, b in zip(corners[:-1], corners[1:], strict=True) for p in wall(a, b)]
+        walls = [p for a, b in pairwise(corners) for p in wall(a, b)]
         ground = Terrain.level([-1.0, -1.0], [8.0, 4.0]).with_ramp([2.5, 1.5], [3.5, 1.5], 1.5, 0.1)
         low = box([5.5, 2.5, 0.0], 0.4, 0.4, z_hi=0.2)
         return Setup(World((*walls, low), ground, 2.5), (1.0, 1.5, 0.0), np.array([[1.5, 1.5], [6.0, 1.5]]))
@@ -58,7 +59,7 @@ def test_the_side_view_takes_the_scan_with_the_most_pitch_and_its_beams_end_on_s
 ) -> None:
     figure = pictures.from_the_side(run)
     scan = int(np.argmax(run.tilt[:, 1]))
-    assert f"scan {scan}:" in figure.axes[0].get_title()
+    assert f"scan {scan}:" in figure.axes[0].get_title(loc="left")
     hits = next(c for c in figure.axes[0].collections if c.get_label() == "what the beams met").get_offsets()
     heights = np.asarray(hits)[:, 1]
     assert np.nanmin(heights) > -0.01
