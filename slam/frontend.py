@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -77,9 +78,14 @@ class _State:
     last: int = 0
 
 
-def track(recording: Recording, config: FrontendConfig = FrontendConfig()) -> Track:
-    """Pose, covariance and verdict for each of the N scans; the map frame is the dead reckoning's."""
-    scans = scans_of(recording)
+def track(
+    recording: Recording, config: FrontendConfig = FrontendConfig(), scans: Sequence[Scan] | None = None
+) -> Track:
+    """Pose, covariance and verdict for each of the N scans; the map frame is the dead reckoning's.
+
+    ``scans`` are those of the recording, for a caller who has them already.
+    """
+    scans = scans_of(recording) if scans is None else scans
     tilted = tilted_scans(recording, config.tilt_limit)
     state = _start(recording)
     local = _extended(state, scans[0], 0, config)

@@ -27,8 +27,8 @@ def stitch_in_sequence(recording: Recording, config: MethodConfig) -> Estimate:
     A lost scan stays with the piece before it; a piece that cannot be stitched stays where ManifoldSLAM
     had it.
     """
-    found = track(recording, config.manifold)
     scans = scans_of(recording)
+    found = track(recording, config.manifold, scans)
     matched = np.flatnonzero(found.verdict != Verdict.FELL_BACK)
     cuts = segments(found, config.segmentation)
     resolution = config.htms.resolution

@@ -24,7 +24,7 @@ def run(recording: Recording, config: MethodConfig) -> Estimate:
     """Track the drive, cut it into submaps, stitch them where they meet, let the graph decide, adjust the
     bundle."""
     scans = scans_of(recording)
-    found = track(recording, config.frontend)
+    found = track(recording, config.frontend, scans)
     matched = found.verdict != Verdict.FELL_BACK
     drawn = np.array([k for k in keyframes.choose(found.poses) if matched[k]])
     stretches = chop(found, segments(found, config.segmentation), config.loops.length)
