@@ -64,6 +64,7 @@ class _Cloud:
 
     @classmethod
     def of(cls, scans: Sequence[Scan]) -> _Cloud:
+        """The cloud of scans in the robot's frame; their points keep their order."""
         references = [Reference(scan) for scan in scans]
         indices = [r.index if len(r.scan) else EMPTY_INDEX for r in references]
         low, cell, columns, rows, first, order = zip(*indices, strict=True)
