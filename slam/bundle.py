@@ -54,26 +54,20 @@ def adjust(scans: Sequence[Scan], backbone: PoseGraph, usable: np.ndarray, confi
 
 @dataclass(frozen=True)
 class _Cloud:
-    """All keyframes packed for the kernel: their points, and their lattice indices cut at
-    ``first_offsets``."""
+    """All keyframes packed for the kernel: scan k in rows ``offsets[k]:offsets[k + 1]``, with its lattice."""
 
     arrays: tuple[Array, ...]
     offsets: np.ndarray
     lattice: tuple[Any, ...]
-    first_offsets: np.ndarray
 
     @classmethod
     def of(cls, scans: Sequence[Scan]) -> _Cloud:
         """The cloud of scans in the robot's frame; their points keep their order."""
-        references = [Reference(scan) for scan in scans]
-        indices = [r.index if len(r.scan) else EMPTY_INDEX for r in references]
-        low, cell, columns, rows, first, order = zip(*indices, strict=True)
-        lattice = (
-            np.array(low), np.array(cell), np.array(columns), np.array(rows),
-            np.concatenate(first), np.concatenate(order),
-        )  # fmt: skip
-        arrays = tuple(np.concatenate(parts) for parts in zip(*(r.arrays for r in references), strict=True))
-        return cls(arrays, _bounds([len(scan) for scan in scans]), lattice, _bounds([len(f) for f in first]))
+        clouds, lattices = zip(*(Reference(scan).indexed for scan in scans), strict=True)
+        cell, heads, following = zip(*lattices, strict=True)
+        arrays = tuple(np.concatenate(parts) for parts in zip(*clouds, strict=True))
+        offsets = np.concatenate([[0], np.cumsum([len(scan) for scan in scans])]).astype(np.int64)
+        return cls(arrays, offsets, (cell[0], np.stack(heads), np.concatenate(following)))
 
     def linearised(
         self, poses: Array, pairs: np.ndarray, radius: float, config: BundleConfig
@@ -84,20 +78,12 @@ class _Cloud:
 
         guesses = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])
         T_ij, information, used = linearise_pairs(
-            self.arrays, self.offsets, self.lattice, self.first_offsets,
-            pairs, guesses, radius, config.robust, config.fade, config.length,
+            self.arrays, self.offsets, self.lattice, pairs, guesses, radius,
+            config.robust, config.fade, config.length,
         )  # fmt: skip
         known = used >= config.least_pairs
         in_body = se2.to_body_covariance(T_ij[known], information[known]) / SHARED_ERROR
         return pairs[known], T_ij[known], in_body
-
-
-EMPTY_INDEX = (np.zeros(2), 1.0, 1, 1, np.zeros(2, dtype=np.int64), np.zeros(0, dtype=np.int64))
-"""Lattice index of a scan without points."""
-
-
-def _bounds(lengths: list[int]) -> np.ndarray:
-    return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
 
 
 def neighbours(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarray:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from slam import se2
+from slam.calibration import Calibration
 from slam.recording import Recording
 from slam.se2 import Array
 
@@ -20,15 +21,21 @@ INS_POSITION_FLOOR = 2.0 * 0.003**2
 """Variance of an INS position increment at rest [m²]."""
 
 
-def predict(recording: Recording, j: int, k: int, pose_j: Array) -> Array:
-    """Pose ``(3,)`` at scan k in the map frame, from the pose at scan j and the recorded increment.
+def predict(
+    recording: Recording, j: int, k: int, pose_j: Array, calibration: Calibration | None = None
+) -> Array:
+    """Pose ``(3,)`` at scan k in the map frame, from the pose at scan j and the recorded increment, which an
+    INS's ``calibration`` corrects.
 
     The map frame is the dead reckoning's: every method starts at the first recorded pose.
     """
     before, after = recording.dead_reckoning[j], recording.dead_reckoning[k]
     if recording.source == "odometry":
         return se2.compose(pose_j, se2.between(before, after))
-    predicted = pose_j + (after - before)
+    step = after - before
+    if calibration is not None:
+        step = calibration.corrected(step, float(recording.time[k] - recording.time[j]))
+    predicted = pose_j + step
     return np.array([predicted[0], predicted[1], float(se2.wrap(predicted[2]))])
 
 

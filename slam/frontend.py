@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 
 from slam import confidence, dead_reckoning, se2
-from slam.matching import Match, MatchConfig, NoMatch, Reference, match
-from slam.matching.match import CovarianceMode, Method
+from slam.calibration import Calibration
+from slam.matching import RAW_WSM, LocalMap, Match, MatchConfig, NoMatch, Reference, match
+from slam.matching.config import CovarianceMode, Method
 from slam.recording import Recording
 from slam.scan import Scan, scans_of
 from slam.se2 import Array
@@ -27,30 +28,35 @@ class FrontendConfig:
     a keyframe ``extend_distance`` m or ``extend_angle`` rad away from the last one.
     ``trust_dead_reckoning`` weighs the increment as a prior in the match. Scans tilted more than
     ``tilt_limit`` rad from the recent attitude are not matched. A match with a variance above
-    ``most_variance`` (mm² and rad² alike, as ManifoldSLAM has it) is not believed.
+    ``most_variance`` (mm² and rad² alike, as ManifoldSLAM has it) is not believed, nor one whose position is
+    further from the seed than a χ² of ``most_innovation``: ten standard deviations are no accident, but
+    something that moved, or another corridor. ``calibrate`` learns an INS's yaw scale, yaw bias and heading
+    on the way.
     """
 
     seed_mode: Literal["absolute", "incremental"] = "incremental"
     reference: Literal["scan", "local_map"] = "local_map"
     method: Method = "plicp"
     covariance: CovarianceMode = "p2l"
-    match: MatchConfig = field(default_factory=lambda: MatchConfig(mutual=False, fade=0.02, least_pairs=15))
+    match: MatchConfig = field(default_factory=lambda: MatchConfig(fade=0.02, levels=((0.5, 2), (0.3, 1))))
     skip_distance: float = 0.0
     skip_angle: float = 0.0
-    extend_distance: float = 0.2
+    extend_distance: float = 0.25
     extend_angle: float = np.radians(8.0)
-    map_scans: int = 15
+    map_scans: int = 20
     trust_dead_reckoning: bool = True
     tilt_limit: float = np.radians(5.0)
     most_variance: float = np.inf
+    most_innovation: float = 100.0
+    calibrate: bool = True
 
 
 MANIFOLD_SLAM = FrontendConfig(
     seed_mode="absolute",
     reference="scan",
     method="wsm",
-    covariance="joint",
-    match=MatchConfig(radii=(0.5,), mutual=True, most_iterations=80),
+    covariance="pfister_block",
+    match=RAW_WSM,
     skip_distance=0.02,
     skip_angle=np.radians(2.0),
     extend_distance=0.2,
@@ -58,6 +64,8 @@ MANIFOLD_SLAM = FrontendConfig(
     trust_dead_reckoning=False,
     tilt_limit=np.inf,
     most_variance=10_000.0,
+    most_innovation=np.inf,
+    calibrate=False,
 )
 """ManifoldSLAM as UsarCommander ran it for the report, including the absolute seed that tears its maps."""
 
@@ -74,7 +82,8 @@ class _State:
     information: Array
     matches: np.ndarray
     keyframes: list[int]
-    local: list[Scan]
+    local: Reference | LocalMap
+    calibration: Calibration = field(default_factory=Calibration)
     last: int = 0
 
 
@@ -87,8 +96,8 @@ def track(
     """
     scans = scans_of(recording) if scans is None else scans
     tilted = tilted_scans(recording, config.tilt_limit)
-    state = _start(recording)
-    local = _extended(state, scans[0], 0, config)
+    state = _start(recording, config)
+    _extend(state, scans[0], 0, config)
     for k in range(1, len(recording)):
         seed = _seed(recording, state, k, config)
         if not _moved(recording, state.last, k, config):
@@ -97,11 +106,11 @@ def track(
         result = (
             NoMatch("tilted")
             if tilted[k]
-            else _match(recording, state, local, Reference(scans[k]), k, seed, config)
+            else _match(recording, state, scans[k], k, seed, config)
         )
         _accept(recording, state, k, seed, result, config)
         if _extends(state, k, config) and (config.reference == "scan" or not tilted[k]):
-            local = _extended(state, scans[k], k, config)
+            _extend(state, scans[k], k, config)
     return _finish(state)
 
 
@@ -119,7 +128,7 @@ def tilted_scans(recording: Recording, limit: float, window: int = 101) -> np.nd
     return np.any(np.abs(unwrapped - recent) > limit, axis=1)
 
 
-def _start(recording: Recording) -> _State:
+def _start(recording: Recording, config: FrontendConfig) -> _State:
     n = len(recording)
     poses = np.zeros((n, 3))
     poses[0] = recording.dead_reckoning[0]
@@ -132,14 +141,15 @@ def _start(recording: Recording) -> _State:
         information=np.zeros((n, 3, 3)),
         matches=np.zeros(n, dtype=np.int64),
         keyframes=[],
-        local=[],
+        local=LocalMap(config.map_scans),
     )
 
 
 def _seed(recording: Recording, state: _State, k: int, config: FrontendConfig) -> Array:
     if config.seed_mode == "absolute":
         return recording.dead_reckoning[k]
-    return dead_reckoning.predict(recording, state.last, k, state.poses[state.last])
+    calibration = state.calibration if config.calibrate and recording.source == "ins" else None
+    return dead_reckoning.predict(recording, state.last, k, state.poses[state.last], calibration)
 
 
 def _moved(recording: Recording, j: int, k: int, config: FrontendConfig) -> bool:
@@ -147,32 +157,26 @@ def _moved(recording: Recording, j: int, k: int, config: FrontendConfig) -> bool
     return bool(np.any(step >= [config.skip_distance, config.skip_distance, config.skip_angle]))
 
 
-def _extended(state: _State, scan: Scan, k: int, config: FrontendConfig) -> Reference:
-    """Scan k becomes a keyframe; what to match against from now on: it alone in its own frame, or the last
-    keyframes in the map frame."""
+def _extend(state: _State, scan: Scan, k: int, config: FrontendConfig) -> None:
+    """Scan k becomes a keyframe: what is matched against from now on, alone in its own frame, or with the
+    last ones in the map frame."""
     state.keyframes.append(k)
     if config.reference == "scan":
-        return Reference(scan)
-    state.local = [*state.local, scan.transformed(state.poses[k])][-config.map_scans :]
-    return Reference(Scan.merged(state.local))
+        state.local = Reference(scan)
+    else:
+        assert isinstance(state.local, LocalMap)
+        state.local.add(scan, state.poses[k])
 
 
 def _match(
-    recording: Recording,
-    state: _State,
-    local: Reference,
-    scan: Reference,
-    k: int,
-    seed: Array,
-    config: FrontendConfig,
+    recording: Recording, state: _State, scan: Scan, k: int, seed: Array, config: FrontendConfig
 ) -> Match | NoMatch:
-    """The scan's pose in the map frame."""
+    """The scan's pose in the frame of what it is matched against."""
     prior = None
     if config.trust_dead_reckoning:
         prior = np.linalg.inv(dead_reckoning.map_covariance(recording, state.last, k, seed))
-    origin = state.poses[state.keyframes[-1]] if config.reference == "scan" else np.zeros(3)
-    guess = se2.between(origin, seed)
-    return match(local, scan, guess, config.method, config.covariance, prior, config.match)
+    guess = se2.between(_origin(state, config), seed)
+    return match(state.local, scan, guess, config.method, config.covariance, prior, config.match)
 
 
 def _accept(
@@ -188,12 +192,12 @@ def _accept(
     state.matches[k] = result.n_matches
     if isinstance(result, Match):
         state.matched_covariance[k] = result.covariance
-    if isinstance(result, Match) and _believed(result, config):
-        origin = state.poses[state.keyframes[-1]] if config.reference == "scan" else np.zeros(3)
-        state.poses[k] = se2.compose(origin, result.T_reference_scan)
+    if isinstance(result, Match) and _believed(recording, state, k, seed, result, config):
+        state.poses[k] = se2.compose(_origin(state, config), result.T_reference_scan)
         state.covariance[k] = result.covariance
         state.information[k] = se2.to_body_covariance(result.T_reference_scan, result.information)
         state.verdict[k] = Verdict.MATCHED
+        _learn(recording, state, k)
     else:
         state.poses[k] = seed
         j = int(state.reference[k])
@@ -202,9 +206,31 @@ def _accept(
     state.last = k
 
 
-def _believed(result: Match, config: FrontendConfig) -> bool:
-    variances = np.diag(result.covariance) * [1e6, 1e6, 1.0]
-    return result.converged and bool(np.all(variances <= config.most_variance))
+def _believed(
+    recording: Recording, state: _State, k: int, seed: Array, result: Match, config: FrontendConfig
+) -> bool:
+    variances = np.abs(np.diag(result.covariance)) * [1e6, 1e6, 1.0]
+    if not result.converged or np.any(variances > config.most_variance):
+        return False
+    innovation = (se2.compose(_origin(state, config), result.T_reference_scan) - seed)[:2]
+    expected = dead_reckoning.map_covariance(recording, state.last, k, seed)[:2, :2]
+    return bool(innovation @ np.linalg.solve(expected, innovation) <= config.most_innovation)
+
+
+def _origin(state: _State, config: FrontendConfig) -> Array:
+    """Pose in the map of the frame that scans are matched in."""
+    return state.poses[state.keyframes[-1]] if config.reference == "scan" else np.zeros(3)
+
+
+def _learn(recording: Recording, state: _State, k: int) -> None:
+    """What a step between two matched scans teaches about the INS."""
+    j = state.last
+    if j > 0 and state.verdict[j] != Verdict.MATCHED:
+        return
+    seconds = float(recording.time[k] - recording.time[j])
+    sensed = recording.dead_reckoning[k] - recording.dead_reckoning[j]
+    matched = state.poses[k] - state.poses[j]
+    state.calibration.learn(sensed, seconds, matched, np.sqrt(np.abs(np.diag(state.covariance[k]))))
 
 
 def _extends(state: _State, k: int, config: FrontendConfig) -> bool:

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from slam.submap import Submap
-from stitch.config import AlignConfig
+from stitch.carpin import align_carpin
+from stitch.censi import align_censi
+from stitch.config import AlignConfig, Method
+from stitch.features import align_features
 from stitch.htms import align_htms
 from stitch.joint import align_joint
 from stitch.result import Alternative, NoStitch, Prior, Stitch
@@ -12,15 +17,25 @@ __all__ = ["AlignConfig", "Alternative", "NoStitch", "Prior", "Stitch", "align"]
 
 DEFAULT = AlignConfig()
 
+METHODS: dict[Method, Callable[[Submap, Submap, Prior | None, AlignConfig], Stitch | NoStitch]] = {
+    "joint": align_joint,
+    "htms": align_htms,
+    "carpin": align_carpin,
+    "censi": align_censi,
+    "akaze": align_features,
+    "orb": align_features,
+}
+
 
 def align(
     a: Submap, b: Submap, prior: Prior | None = None, config: AlignConfig = DEFAULT
 ) -> Stitch | NoStitch:
     """Submap b in the frame of submap a, or why there is no answer.
 
-    With ``config.method = "joint"`` rotations come from Hough spectra (Carpin 2008) or from around the prior,
-    translations from a joint correlation that penalises walls in free space, and an answer is only given when
-    it stands the tests of `stitch.verification.Acceptance`. ``"htms"`` is the report's method (Formsma): it
-    always answers when both maps have walls, reads of the prior only its rotation, and has no covariance.
+    ``config.method`` is one of `METHODS`. With "joint" rotations come from Hough spectra (Carpin 2008) or
+    from around the prior, translations from a joint correlation that penalises walls in free space, and an
+    answer is only given when it stands the tests of `stitch.verification.Acceptance`. The others are what was
+    there before; each tells in its own file when it refuses. None of them has a covariance. All are
+    deterministic.
     """
-    return align_htms(a, b, prior, config) if config.method == "htms" else align_joint(a, b, prior, config)
+    return METHODS[config.method](a, b, prior, config)

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 from stitch.verification import Acceptance
+
+Method = Literal["joint", "htms", "carpin", "censi", "akaze", "orb"]
 
 
 @dataclass(frozen=True)
 class AlignConfig:
-    """How two submaps are aligned; ``method`` is ours ("joint") or the report's ("htms").
+    """How two submaps are aligned.
 
-    Both methods: ``resolution`` m of the raster, ``n_theta`` directions of the Hough transform, ``n_peaks``
-    rotations (each with its twin). The rest is read by "joint" only: ``search_resolution`` m of the global
-    search; ``free_penalty`` per wall cell in the other's free space, 2–3 for warped submaps; ``blur`` in
+    ``method`` is ours ("joint"), the report's ("htms", Formsma), Carpin's (2008), Censi's (2005) or that of
+    OpenCV's features ("akaze", "orb").
+
+    All methods read ``resolution`` m of the raster. The rest is read by "joint" only, so that tuning ours
+    does not move the others: ``n_theta`` directions of the Hough transform, ``n_peaks`` rotations (each with
+    its twin); ``search_resolution`` m of the global search; ``free_penalty`` per wall cell in the other's
+    free space, 2–3 for warped submaps; ``blur`` in
     cells; ``prior_weight`` cells per ½ of squared Mahalanobis distance, ``prior_sigmas`` the half width of
     the search around a prior; ``sweep_step`` and ``sweep_limit`` rad where directions cannot be trusted;
     ``candidates`` that are climbed; ``temperature`` cells, the score difference a covariance takes for noise;
@@ -22,18 +28,19 @@ class AlignConfig:
     ``refine_limit`` (m, rad).
     """
 
-    method: Literal["joint", "htms"] = "joint"
+    method: Method = "joint"
     resolution: float = 0.1
     n_theta: int = 360
-    n_peaks: int = 4
+    n_peaks: int = 6
     search_resolution: float = 0.2
-    free_penalty: float = 5.0
+    free_penalty: float = 40.0
+    lenient_penalty: float = 12.0
     blur: float = 1.0
     prior_weight: float = 20.0
     prior_sigmas: float = 3.0
     sweep_step: float = 0.035
     sweep_limit: float = 0.35
-    candidates: int = 5
+    candidates: int = 8
     temperature: float = 10.0
     warp: tuple[float, float] = (0.02, 0.0052)
     refine: bool = True
@@ -41,8 +48,8 @@ class AlignConfig:
     acceptance: Acceptance = field(default_factory=Acceptance)
 
     def __post_init__(self) -> None:
-        if self.method not in ("joint", "htms"):
-            raise ValueError(f"method: expected 'joint' or 'htms', got {self.method!r}")
+        if self.method not in get_args(Method):
+            raise ValueError(f"method: expected one of {', '.join(get_args(Method))}, got {self.method!r}")
         positive = (
             "resolution",
             "n_theta",

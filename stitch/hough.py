@@ -21,14 +21,25 @@ class Hough:
     resolution: float
 
 
-def transform(points: Array, n_theta: int = 360, resolution: float = 0.05) -> Hough:
-    """Hough transform of points ``(n, 2)`` m, votes split linearly in ρ (Duda & Hart 1972; Censi 2005)."""
+def transform(points: Array, n_theta: int = 360, resolution: float = 0.05, split: bool = True) -> Hough:
+    """Hough transform of points ``(n, 2)`` m (Duda & Hart 1972).
+
+    Votes are split linearly between two bins of ρ (as Censi's program does), or given whole to the one the
+    point is in. Bins are half a cell off the frame's origin, so that the centres of a grid's cells lie in the
+    middle of bins where lines run along the grid.
+    """
     from stitch.kernels import vote
 
     points = np.ascontiguousarray(points, dtype=np.float64)
     reach = int(np.ceil(np.linalg.norm(points, axis=1).max(initial=0.0) / resolution)) + 1
-    first = -reach * resolution
-    return Hough(vote(points, n_theta, first, resolution, 2 * reach + 2), first, resolution)
+    first = -(reach + 0.5) * resolution
+    if split:
+        return Hough(vote(points, n_theta, first, resolution, 2 * reach + 2), first, resolution)
+    votes = np.zeros((n_theta, 2 * reach + 2))
+    for k, theta in enumerate(np.arange(n_theta) * np.pi / n_theta):
+        rho = points @ np.array([np.cos(theta), np.sin(theta)])
+        votes[k] = np.bincount(np.rint((rho - first) / resolution).astype(int), minlength=2 * reach + 2)
+    return Hough(votes, first, resolution)
 
 
 def spectrum(hough: Hough) -> Array:

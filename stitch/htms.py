@@ -1,21 +1,33 @@
-"""The report's stitching: Hough spectra for rotation, X and Y spectra for translation (Formsma, ch. 3)."""
+"""The report's stitching: Hough spectra for rotation, X and Y spectra for translation (Formsma, ch. 3).
+
+Step by step: Hough transform with whole votes and bins of one degree (the report gives its angles in whole
+degrees, as does its published program); spectrum (eq. 3.2); circular cross-correlation (eq. 3.3; k is counted
+as the rotation of b here); its two highest peaks, each with θ + π (section 3.4); dominant direction φ of map
+a; X and Y spectra after turning a by -φ and b by θ - φ (section 3.5); of the four hypotheses the one nearest
+the inertial sensor's rotation (sections 3.6 and 4.3).
+
+What the report does not say, and is chosen here: the size of a ρ bin (one cell); how near each other two
+peaks may be (10°); the size of a cell. Its program turns images, which thickens walls, and takes each lag two
+pixels short; points are turned here, and lags are right.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from slam import se2
+from slam.se2 import Array
 from slam.submap import Submap
-from stitch import hough
 from stitch.config import AlignConfig
-from stitch.raster import rasterise
+from stitch.pair import Pair, pair
 from stitch.result import Alternative, NoStitch, Prior, Stitch
 from stitch.rotation import hypotheses
 from stitch.translation import by_spectra
-from stitch.verification import measure
 
 PEAKS = 2
 """The report's θ₁ and θ₂; with their twins four hypotheses (its figure 3.11)."""
+DIRECTIONS = 180
+"""Bins of θ: whole degrees."""
 
 
 def align_htms(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -> Stitch | NoStitch:
@@ -23,30 +35,28 @@ def align_htms(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -
 
     Of the prior only the rotation is read. Always answers when both maps have walls, and has no covariance.
     """
-    walls_a, walls_b = a.grid.occupied_points(), b.grid.occupied_points()
-    for name, walls in (("a", walls_a), ("b", walls_b)):
-        if len(walls) == 0:
-            return NoStitch(f"submap {name} has no occupied cells")
-    spectrum_a, spectrum_b = (
-        hough.spectrum(hough.transform(walls, config.n_theta, config.resolution))
-        for walls in (walls_a, walls_b)
-    )
-    angles, _ = hypotheses(spectrum_a, spectrum_b, PEAKS, smoothing=0.0)
-    direction = float(np.argmax(spectrum_a)) * np.pi / config.n_theta
-    candidates = []
-    for angle in angles:
-        t, score = by_spectra(walls_a, walls_b, angle, direction, config.resolution)
-        candidates.append(Alternative(np.array([*t, angle]), score))
+    maps = pair(a, b, config)
+    if isinstance(maps, NoStitch):
+        return maps
+    candidates = four_hypotheses(maps)
     expected = 0.0 if prior is None else prior.T_a_b[2]
     turns = [abs(float(se2.wrap(candidate.T_a_b[2] - expected))) for candidate in candidates]
     chosen = candidates.pop(int(np.argmin(turns)))
-    still = rasterise(walls_a, a.grid, np.zeros(3), config.resolution)
-    evidence = measure(still, rasterise(walls_b, b.grid, chosen.T_a_b, config.resolution))
-    return Stitch(
-        T_a_b=chosen.T_a_b,
-        covariance=None,
-        score=chosen.score,
-        overlap_area=evidence.overlap_area,
-        agreement=evidence.agreement,
-        alternatives=tuple(sorted(candidates, key=lambda candidate: -candidate.score)),
-    )
+    return maps.stitch(chosen, candidates)
+
+
+def four_hypotheses(maps: Pair) -> list[Alternative]:
+    """θ₁, θ₁ + π, θ₂ and θ₂ + π with their translations; two only where the correlation has one peak."""
+    spectrum_a, spectrum_b = maps.spectra(DIRECTIONS, split=False)
+    angles, _ = hypotheses(spectrum_a, spectrum_b, PEAKS, smoothing=0.0)
+    direction = dominant_direction(spectrum_a)
+    candidates = []
+    for angle in angles:
+        t, score = by_spectra(maps.walls_a, maps.walls_b, angle, direction, maps.config.resolution)
+        candidates.append(Alternative(np.array([*t, angle]), score))
+    return candidates
+
+
+def dominant_direction(spectrum: Array) -> float:
+    """φ rad in ``[0, π)``: where a spectrum ``(n_theta,)`` is highest."""
+    return float(np.argmax(spectrum)) * np.pi / len(spectrum)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TypeVar
+
 import numpy as np
 
 from slam import se2
@@ -10,54 +13,85 @@ from slam.se2 import Array
 from slam.submap import Submap
 from stitch import hough
 from stitch.config import AlignConfig
-from stitch.raster import rasterise, wall_points
+from stitch.raster import Raster, Walls, walls_of
 from stitch.refinement import ScoreField, climb, covariance, prior_penalty, score_field
 from stitch.result import Alternative, NoStitch, Prior, Stitch
 from stitch.rotation import hypotheses
-from stitch.translation import Spectra, best_shifts, correlate, padded_shape, spectra
-from stitch.verification import measure, reason_against
+from stitch.translation import LINE, Correlation, best_shifts, correlate, padded_shape, spectra
+from stitch.verification import (
+    NOTHING,
+    Evidence,
+    Standing,
+    far_from,
+    measure,
+    odds,
+    reason_against,
+    rivalry,
+)
+
+Pose = TypeVar("Pose", "Alternative", "Candidate")
 
 DISTINCT = (0.5, np.radians(5.0))
 """Alignments nearer than this (m at b's walls, rad) are one peak."""
 SHIFTS_PER_ROTATION = 3
-RIVAL = 0.5
-"""Share of the best score below which a candidate of the search cannot become its rival by climbing."""
+STRIDE = 3
+FINALISTS = 6
+NEARLY = 0.9
+"""Share of the highest peak of the spectra's correlation that a third needs; walls at right angles have two."""
+SLIDE = 0.4
+"""An alignment is moved this far [m] in eight directions to see how much of its agreement is lost."""
 REFINE_POINTS = 1000
 """About how many of b's points the scan matcher is given: more cost time and tell it nothing new."""
-REFINEMENT = MatchConfig(radii=(0.3, 0.2), mutual=False, least_pairs=30)
+REFINEMENT = MatchConfig(levels=((0.3, 1), (0.2, 1)), least_pairs=30, search_shift=0.0)
 PRIOR_MARGIN = (0.5, np.radians(2.0))
 """Added to the search around a prior (m, rad): its covariance says nothing about the grid's cells."""
 
 
+@dataclass(frozen=True)
+class Candidate:
+    """An alignment with what the walls say of it, in cells, and what of that is left beside the prior."""
+
+    T_a_b: Array
+    agreement: float
+    conflict: float
+    odds: float
+
+    @property
+    def alternative(self) -> Alternative:
+        """What is told of it."""
+        return Alternative(self.T_a_b, self.odds)
+
+
 def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -> Stitch | NoStitch:
-    """The alignment with the best joint score, if it can be believed (see `stitch.align.align`)."""
-    walls_a, walls_b = wall_points(a, config.resolution), wall_points(b, config.resolution)
+    """The alignment that is most likely the same place, if it can be believed (see `stitch.align.align`)."""
+    walls_a, walls_b = walls_of(a, config.resolution), walls_of(b, config.resolution)
     for name, walls in (("a", walls_a), ("b", walls_b)):
-        if len(walls) == 0:
+        if len(walls.points) == 0:
             return NoStitch(f"submap {name} has no occupied cells")
-    angles = rotations(walls_a, walls_b, prior, config)
-    found = search((a, walls_a), (b, walls_b), angles, prior, config)
+    angles = rotations(walls_a.points, walls_b.points, prior, config)
+    found = search(walls_a, walls_b, angles, prior, config)
     if not found:
         return NoStitch("no alignment scores above zero with enough overlap")
-    raster_a, raster_b = (
-        rasterise(walls, submap.grid, np.zeros(3), config.resolution)
-        for walls, submap in ((walls_a, a), (walls_b, b))
-    )
-    field = score_field(raster_a, walls_a, raster_b, walls_b, prior, config)
-    candidates = _climbed(found, field, walls_b.mean(axis=0), config)
-    if not candidates:
-        return NoStitch("no alignment scores above zero between the cells", found[0])
-    best, *others = candidates
+    penalty = float(np.sqrt(config.free_penalty * config.lenient_penalty))
+    field = score_field(walls_a, walls_b, penalty, prior, config)
+    candidates = _climbed(found, field, walls_b.points.mean(axis=0))
+    raster_a = walls_a.raster(np.zeros(3), config.resolution)
+    best, evidence = _likeliest(candidates, raster_a, walls_b, config)
+    if best is None:
+        return NoStitch("no alignment leaves enough in common", found[0])
+    standing = _standing(field, best, candidates, prior)
+    reason = reason_against(evidence, standing, config.acceptance)
+    if reason is not None:
+        return NoStitch(reason, best.alternative)
     located = _located(a, b, field, best, config)
     if isinstance(located, NoStitch):
         return located
     T_a_b, sigma = located[0], (located[1] + located[1].T) / 2.0
-    evidence = measure(raster_a, rasterise(walls_b, b.grid, T_a_b, config.resolution))
-    peak_ratio = others[0].score / best.score if others else None
-    reason = reason_against(evidence, peak_ratio, _innovation(prior, T_a_b, sigma), config.acceptance)
+    reason = far_from(prior, T_a_b, sigma, config.acceptance)
     if reason is not None:
-        return NoStitch(reason, Alternative(T_a_b, best.score))
-    return Stitch(T_a_b, sigma, best.score, evidence.overlap_area, evidence.agreement, tuple(others))
+        return NoStitch(reason, Alternative(T_a_b, best.odds))
+    others = tuple(other.alternative for other in candidates if other is not best)
+    return Stitch(T_a_b, sigma, best.odds, evidence.overlap_area, evidence.agreement, others)
 
 
 def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: AlignConfig) -> Array:
@@ -66,7 +100,8 @@ def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: Align
         hough.spectrum(hough.transform(walls, config.n_theta, config.resolution))
         for walls in (walls_a, walls_b)
     )
-    angles, _ = hypotheses(spectrum_a, spectrum_b, config.n_peaks)
+    angles, heights = hypotheses(spectrum_a, spectrum_b, config.n_peaks)
+    angles = angles[(np.arange(len(angles)) < 4) | (heights >= NEARLY * heights[0])]
     if prior is None:
         return angles
     yaw = prior.T_a_b[2]
@@ -79,27 +114,36 @@ def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: Align
 
 
 def search(
-    a: tuple[Submap, Array], b: tuple[Submap, Array], angles: Array, prior: Prior | None, config: AlignConfig
+    a: Walls, b: Walls, angles: Array, prior: Prior | None, config: AlignConfig
 ) -> list[Alternative]:
-    """The best shifts of all rotations, best first; each map comes with its wall points."""
-    resolution = config.search_resolution
-    raster_a = rasterise(a[1], a[0].grid, np.zeros(3), resolution)
-    turned = [rasterise(b[1], b[0].grid, np.array([0.0, 0.0, angle]), resolution) for angle in angles]
+    """The best shifts of all rotations.
+
+    Half of them are the best where little may contradict, half where something was moved or a map is bent.
+    """
+    raster_a = a.raster(np.zeros(3), config.search_resolution)
+    turned = [b.raster(np.array([0.0, 0.0, angle]), config.search_resolution) for angle in angles]
     shape = padded_shape(raster_a, max(max(raster.occupied.shape) for raster in turned))
     spectra_a = spectra(raster_a, shape)
-    found = []
+    window = None if prior is None else _window(prior, config)
+    found: dict[float, list[Alternative]] = {config.free_penalty: [], config.lenient_penalty: []}
     for angle, raster_b in zip(angles, turned, strict=True):
-        found += _shifts(spectra_a, spectra(raster_b, shape), angle, prior, config)
-    return sorted(found, key=lambda candidate: -candidate.score)
+        correlation = correlate(spectra_a, spectra(raster_b, shape), config.blur, window)
+        for penalty, alternatives in found.items():
+            alternatives += _shifts(correlation, penalty, angle, prior, config)
+    centre = b.points.mean(axis=0)
+    chosen = []
+    for alternatives in found.values():
+        alternatives.sort(key=lambda candidate: -candidate.score)
+        chosen += _distinct(alternatives, centre)[: config.candidates]
+    return chosen
 
 
 def _shifts(
-    a: Spectra, b: Spectra, angle: float, prior: Prior | None, config: AlignConfig
+    correlation: Correlation, penalty: float, angle: float, prior: Prior | None, config: AlignConfig
 ) -> list[Alternative]:
     """The best shifts of one rotation that overlap enough."""
-    window = None if prior is None else _window(prior, config)
-    correlation = correlate(a, b, config.free_penalty, config.blur, window)
-    score = np.where(correlation.overlap >= config.acceptance.min_overlap, correlation.score, -np.inf)
+    score = correlation.score(penalty)
+    score = np.where(correlation.overlap >= config.acceptance.min_overlap, score, -np.inf)
     if prior is not None and score.size:
         poses = np.concatenate([correlation.translations(), np.full((*score.shape, 1), angle)], -1)
         score = score - prior_penalty(prior, poses, config.prior_weight)
@@ -121,20 +165,43 @@ def _window(prior: Prior, config: AlignConfig) -> tuple[Array, Array]:
     return prior.T_a_b[:2] - reach, prior.T_a_b[:2] + reach
 
 
-def _climbed(
-    found: list[Alternative], field: ScoreField, centre: Array, config: AlignConfig
-) -> list[Alternative]:
-    """The best distinct candidates after climbing, best first."""
-    tops: list[Alternative] = []
-    for rank, candidate in enumerate(_distinct(found, centre)[: config.candidates]):
-        if rank >= 2 and candidate.score < RIVAL * found[0].score:
-            break
-        tops.append(Alternative(*climb(field, candidate.T_a_b, _pivot(field, candidate.T_a_b))))
-    tops = sorted((top for top in tops if top.score > 0.0), key=lambda top: -top.score)
-    return _distinct(tops, centre)
+def _climbed(found: list[Alternative], field: ScoreField, centre: Array) -> list[Candidate]:
+    """The distinct tops that the alternatives climb to, the likeliest first.
+
+    All of them climb coarsely, with a part of the points; those that may become the best or its rival then go
+    on to 12.5 mm and 0.125°.
+    """
+    coarse = [climb(field, c.T_a_b, _pivot(field, c.T_a_b), halvings=1, stride=STRIDE)[0] for c in found]
+    ranked = _distinct(_ranked(coarse, field), centre)[:FINALISTS]
+    step = (0.025, np.radians(0.25))
+    fine = [climb(field, c.T_a_b, _pivot(field, c.T_a_b), step, halvings=1)[0] for c in ranked]
+    return _distinct(_ranked(fine, field), centre)
 
 
-def _distinct(candidates: list[Alternative], centre: Array) -> list[Alternative]:
+def _ranked(poses: list[Array], field: ScoreField) -> list[Candidate]:
+    """Candidates with any agreement at all, the likeliest first."""
+    tops = np.array(poses).reshape(-1, 3)
+    agreement, conflict = field.agreement(tops), field.conflict(tops)
+    likely = np.array([odds(*cells) for cells in zip(agreement, conflict, strict=True)])
+    likely = likely - prior_penalty(field.prior, tops, 1.0)
+    order = np.argsort(-likely, kind="stable")
+    candidates = [Candidate(tops[k], float(agreement[k]), float(conflict[k]), float(likely[k])) for k in order]
+    return [candidate for candidate in candidates if candidate.agreement > 0.0]
+
+
+def _likeliest(
+    candidates: list[Candidate], raster_a: Raster, walls_b: Walls, config: AlignConfig
+) -> tuple[Candidate | None, Evidence]:
+    """The first candidate with enough of the maps in common, and what the cells say of it."""
+    limits, evidence = config.acceptance, NOTHING
+    for candidate in candidates:
+        evidence = measure(raster_a, walls_b.raster(candidate.T_a_b, config.resolution))
+        if evidence.overlap_area >= limits.min_overlap and evidence.open_area >= limits.min_open:
+            return candidate, evidence
+    return None, evidence
+
+
+def _distinct(candidates: list[Pose], centre: Array) -> list[Pose]:
     """Candidates, best first, without those that share a better one's peak; measured at b's ``centre``."""
     poses = np.array([candidate.T_a_b for candidate in candidates]).reshape(-1, 3)
     centres = se2.transform(poses, centre[None])[:, 0]
@@ -158,7 +225,7 @@ def _pivot(field: ScoreField, T_a_b: Array) -> Array:
 
 
 def _located(
-    a: Submap, b: Submap, field: ScoreField, best: Alternative, config: AlignConfig
+    a: Submap, b: Submap, field: ScoreField, best: Candidate, config: AlignConfig
 ) -> tuple[Array, Array] | NoStitch:
     """Pose ``(3,)`` and covariance ``(3, 3)`` of the best candidate, after the scan matcher if asked for."""
     pivot = _pivot(field, best.T_a_b)
@@ -170,18 +237,35 @@ def _located(
     some = b.points.selected(np.arange(0, len(b.points), 1 + len(b.points) // REFINE_POINTS))
     answer = match(a.points, some, best.T_a_b, "plicp", config=REFINEMENT)
     if isinstance(answer, NoMatch):
-        return NoStitch(f"the scan matcher found nothing: {answer.reason}", best)
+        return NoStitch(f"the scan matcher found nothing: {answer.reason}", best.alternative)
     T_a_b = answer.T_reference_scan
     moved = np.linalg.norm(se2.transform(T_a_b, pivot[None]) - se2.transform(best.T_a_b, pivot[None]))
     turned = abs(float(se2.wrap(T_a_b[2] - best.T_a_b[2])))
     if moved > config.refine_limit[0] or turned > config.refine_limit[1]:
-        return NoStitch(f"the scan matcher left the peak by {moved:.2f} m and {turned:.3f} rad", best)
+        return NoStitch(f"the scan matcher left the peak by {moved:.2f} m and {turned:.3f} rad", best.alternative)
     return T_a_b, sigma + answer.covariance
 
 
-def _innovation(prior: Prior | None, T_a_b: Array, sigma: Array) -> float | None:
-    """Squared Mahalanobis distance of a pose from the prior, both uncertain; None without a prior."""
+def _standing(
+    field: ScoreField, best: Candidate, candidates: list[Candidate], prior: Prior | None
+) -> Standing:
+    """How the best candidate stands against chance, against sliding along its walls and against others."""
+    around = np.pi / 4.0 * np.arange(8)
+    shifts = SLIDE * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
+    left = field.agreement(best.T_a_b + shifts) - field.penalty / LINE * field.conflict(best.T_a_b + shifts)
+    others = [other for other in candidates if other.odds < best.odds]
+    return Standing(
+        odds=best.odds,
+        firmness=1.0 - float(left.max()) / best.agreement,
+        rivalry=max((_rivalry(best, other, prior) for other in others), default=0.0),
+        guided=prior is not None,
+    )
+
+
+def _rivalry(best: Candidate, other: Candidate, prior: Prior | None) -> float:
+    """`stitch.verification.rivalry`, less where the prior speaks against the other."""
+    plausible = rivalry((best.agreement, best.conflict), (other.agreement, other.conflict))
     if prior is None:
-        return None
-    error = se2.log(se2.between(prior.T_a_b, T_a_b))
-    return float(error @ np.linalg.solve(prior.covariance + sigma, error))
+        return plausible
+    farther = prior.distance(other.T_a_b) - prior.distance(best.T_a_b)
+    return plausible * float(np.exp(-0.5 * max(farther, 0.0)))

@@ -47,25 +47,118 @@ def look_up(cells: np.ndarray, origin: Array, side: float, T: Array, first: Arra
 
 
 @njit(cache=True)
-def sum_along(field: np.ndarray, first: Array, resolution: float, points: Array, poses: Array) -> Array:
-    """Sums ``(K,)`` of a field ``(H, W)``, bilinear, zero outside, at points ``(n, 2)`` moved by ``(K, 3)``.
+def sum_along(field: np.ndarray, first: Array, resolution: float, points: Array, weights: Array,
+              poses: Array) -> Array:  # fmt: skip
+    """Weighted sums ``(K,)`` of a field ``(H, W)``, bilinear, zero outside, at points ``(n, 2)`` moved by
+    ``(K, 3)``.
 
     Cell (0, 0) of the field is the lattice cell ``first``, cells are ``resolution`` m.
     """
-    height, width = field.shape
     out = np.zeros(poses.shape[0])
     for k in range(poses.shape[0]):
-        c, s = np.cos(poses[k, 2]) / resolution, np.sin(poses[k, 2]) / resolution
-        x0 = poses[k, 0] / resolution - first[0] - 0.5
-        y0 = poses[k, 1] / resolution - first[1] - 0.5
-        total = 0.0
-        for n in range(points.shape[0]):
-            x = c * points[n, 0] - s * points[n, 1] + x0
-            y = s * points[n, 0] + c * points[n, 1] + y0
-            if 0.0 <= x < width - 1 and 0.0 <= y < height - 1:
-                j, i = int(x), int(y)
-                u, v = x - j, y - i
-                total += (1.0 - v) * ((1.0 - u) * field[i, j] + u * field[i, j + 1])
-                total += v * ((1.0 - u) * field[i + 1, j] + u * field[i + 1, j + 1])
-        out[k] = total
+        out[k] = _sum_at(field, first, resolution, points, weights, poses[k])
     return out
+
+
+@njit(cache=True)
+def _sum_at(field, first, resolution, points, weights, pose):
+    height, width = field.shape
+    c, s = np.cos(pose[2]) / resolution, np.sin(pose[2]) / resolution
+    x0 = pose[0] / resolution - first[0] - 0.5
+    y0 = pose[1] / resolution - first[1] - 0.5
+    total = 0.0
+    for n in range(points.shape[0]):
+        x = c * points[n, 0] - s * points[n, 1] + x0
+        y = s * points[n, 0] + c * points[n, 1] + y0
+        if 0.0 <= x < width - 1 and 0.0 <= y < height - 1:
+            j, i = int(x), int(y)
+            u, v = x - j, y - i
+            low = (1.0 - u) * field[i, j] + u * field[i, j + 1]
+            high = (1.0 - u) * field[i + 1, j] + u * field[i + 1, j + 1]
+            total += weights[n] * ((1.0 - v) * low + v * high)
+    return total
+
+
+@njit(cache=True)
+def ascend(field_a: np.ndarray, first_a: Array, points_a: Array, weights_a: Array, field_b: np.ndarray,
+           first_b: Array, points_b: Array, weights_b: Array, resolution: float, expected: Array,
+           information: Array, pose: Array, pivot: Array, step: Array, halvings: int, most: int
+           ) -> tuple[Array, float]:  # fmt: skip
+    """The top of a score near ``pose (3,)``: the best of six neighbours, as long as it is better, then with
+    half the ``step (3,)`` (m, m, rad), ``halvings`` times, at most ``most`` steps each.
+
+    b turns about its point ``pivot (2,)``. The score is what b's points read in ``field_a`` and a's in
+    ``field_b``, see `sum_along`, less ½ of the squared distance from ``expected (3,)``, weighed by
+    ``information (3, 3)`` in the axes of the expected b.
+    """
+    step = step.copy()
+    at = pose.copy()  # of the pivot
+    at[0] += np.cos(pose[2]) * pivot[0] - np.sin(pose[2]) * pivot[1]
+    at[1] += np.sin(pose[2]) * pivot[0] + np.cos(pose[2]) * pivot[1]
+    best = -np.inf
+    trial, there, back, error = at.copy(), np.zeros(3), np.zeros(3), np.zeros(3)
+    for _ in range(halvings + 1):
+        for _ in range(most + 1):
+            chosen = -1
+            for k in range(7):
+                trial[:] = at
+                if k < 6:
+                    trial[k % 3] += step[k % 3] if k < 3 else -step[k % 3]
+                elif best > -np.inf:
+                    break  # where it stands is known but at the start
+                c, s = np.cos(trial[2]), np.sin(trial[2])
+                there[0] = trial[0] - c * pivot[0] + s * pivot[1]
+                there[1] = trial[1] - s * pivot[0] - c * pivot[1]
+                there[2] = trial[2]
+                back[0] = -c * there[0] - s * there[1]
+                back[1] = s * there[0] - c * there[1]
+                back[2] = -there[2]
+                score = _sum_at(field_a, first_a, resolution, points_b, weights_b, there)
+                score += _sum_at(field_b, first_b, resolution, points_a, weights_a, back)
+                ce, se = np.cos(expected[2]), np.sin(expected[2])
+                dx, dy = there[0] - expected[0], there[1] - expected[1]
+                error[0], error[1] = ce * dx + se * dy, ce * dy - se * dx
+                error[2] = (there[2] - expected[2] + np.pi) % (2.0 * np.pi) - np.pi
+                for i in range(3):
+                    for j in range(3):
+                        score -= 0.5 * error[i] * information[i, j] * error[j]
+                if score > best:
+                    best, chosen = score, k
+            if chosen < 0 or chosen == 6:
+                break
+            at[chosen % 3] += step[chosen % 3] if chosen < 3 else -step[chosen % 3]
+        step *= 0.5
+    c, s = np.cos(at[2]), np.sin(at[2])
+    return np.array([at[0] - c * pivot[0] + s * pivot[1], at[1] - s * pivot[0] - c * pivot[1], at[2]]), best
+
+
+@njit(cache=True)
+def straight_runs(occupied: np.ndarray, reach: int, directions: int) -> np.ndarray:
+    """Cells ``(H, W)``: how long the longest straight run through each occupied cell is, up to 2 reach + 1.
+
+    A run goes in one of ``directions``, over cells that are occupied or next to one, and ends at the first
+    that is not.
+    """
+    height, width = occupied.shape
+    near = np.zeros((height + 2, width + 2), dtype=np.bool_)
+    for i in range(height):
+        for j in range(width):
+            if occupied[i, j]:
+                near[i : i + 3, j + 1] = True
+                near[i + 1, j : j + 3] = True
+    runs = np.zeros((height, width), dtype=np.int32)
+    for i in range(height):
+        for j in range(width):
+            if not occupied[i, j]:
+                continue
+            for k in range(directions):
+                c, s = np.cos(np.pi * k / directions), np.sin(np.pi * k / directions)
+                run = 1
+                for sign in (-1, 1):
+                    for step in range(1, reach + 1):
+                        x, y = int(np.round(j + sign * step * c)), int(np.round(i + sign * step * s))
+                        if not (0 <= x < width and 0 <= y < height and near[y + 1, x + 1]):
+                            break
+                        run += 1
+                runs[i, j] = max(runs[i, j], run)
+    return runs

@@ -12,18 +12,31 @@ from slam.se2 import Array
 from slam.submap import Submap
 
 
+LOOSE = 0.3
+"""Weight of a cell that may be furniture."""
+FURNITURE = (1.2, 1.8)
+"""Straight for so long [m]: surely furniture, surely a wall."""
+
+
 @dataclass(frozen=True)
 class Raster:
     """Cells ``occupied (H, W)`` and ``free (H, W)``; cell (0, 0) is cell ``first (2,)`` of the lattice.
 
     The lattice has cells of ``resolution`` m with one corner in the frame's origin. Free cells next to an
-    occupied one are left out: half a wall's blur is not a conflict.
+    occupied one are left out: half a wall's blur is not a conflict. ``weight (H, W)``: how much an occupied
+    cell counts, None where all count the same.
     """
 
     occupied: np.ndarray
     free: np.ndarray
     first: np.ndarray
     resolution: float
+    weight: np.ndarray | None = None
+
+    @property
+    def walls(self) -> np.ndarray:
+        """The walls as numbers ``(H, W)`` float32: their weights, 1 where nothing is said about them."""
+        return self.occupied.astype(np.float32) if self.weight is None else self.weight
 
 
 def wall_points(submap: Submap, resolution: float) -> Array:
@@ -32,14 +45,17 @@ def wall_points(submap: Submap, resolution: float) -> Array:
     Each is the mean of the submap's points in the cell, so that no lattice shows in the Hough transform.
     Points in cells the grid does not call occupied (seen through more often than hit) are left out.
     """
+    return _thinned(submap.points.points[_on_walls(submap)], resolution)
+
+
+def _on_walls(submap: Submap) -> np.ndarray:
+    """Which of the points ``(n,)`` lie in occupied cells."""
     points, grid = submap.points.points, submap.grid
-    if len(points) == 0:
-        return np.zeros((0, 2))
     height, width = grid.occupied.shape
-    column, row = np.floor((points - grid.origin) / grid.resolution).astype(np.int64).T
+    column, row = np.floor((points - grid.origin) / grid.resolution).astype(np.int64).reshape(-1, 2).T
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     inside[inside] = grid.occupied[row[inside], column[inside]]
-    return _thinned(points[inside], resolution)
+    return inside
 
 
 def _thinned(points: Array, resolution: float) -> Array:
@@ -55,8 +71,48 @@ def _thinned(points: Array, resolution: float) -> Array:
     return np.stack(sums, -1) / count[used, None]
 
 
-def rasterise(points: Array, grid: Grid, T: Array, resolution: float) -> Raster:
-    """Wall points ``(n, 2)`` and the free space of their grid, both moved by ``T (3,)``.
+@dataclass(frozen=True)
+class Walls:
+    """A submap's `wall_points` ``(n, 2)`` with their ``weights (n,)``, and its grid for the free space."""
+
+    points: Array
+    weights: Array
+    grid: Grid
+
+    def raster(self, T: Array, resolution: float) -> Raster:
+        """Walls and free space moved by ``T (3,)``, on the lattice."""
+        return rasterise(self.points, self.grid, T, resolution, self.weights)
+
+
+def walls_of(submap: Submap, resolution: float) -> Walls:
+    """Walls and free space of a submap, one point per cell of ``resolution`` m."""
+    points = wall_points(submap, resolution)
+    return Walls(points, steadiness(points, resolution), submap.grid)
+
+
+def steadiness(points: Array, resolution: float) -> Array:
+    """Weights ``(n,)`` of wall points: 1 on a straight wall, `LOOSE` on what somebody may move.
+
+    Of what is straight over no more than `FURNITURE` m nobody knows whether it is furniture.
+    """
+    from stitch.kernels import straight_runs
+
+    if len(points) == 0:
+        return np.zeros(0)
+    cells = np.floor(points / resolution).astype(np.int64)
+    cells -= cells.min(axis=0)
+    shape = cells.max(axis=0)[::-1] + 1
+    occupied = np.zeros(shape, dtype=bool)
+    occupied[cells[:, 1], cells[:, 0]] = True
+    runs = straight_runs(occupied, round(FURNITURE[1] / resolution), 16)
+    length = runs[cells[:, 1], cells[:, 0]] * resolution
+    return np.interp(length, FURNITURE, [LOOSE, 1.0])
+
+
+def rasterise(
+    points: Array, grid: Grid, T: Array, resolution: float, weights: Array | None = None
+) -> Raster:
+    """Wall points ``(n, 2)`` with ``weights (n,)`` and the free space of their grid, all moved by ``T (3,)``.
 
     Walls are rotated as points, which leaves no holes; free space is looked up from each target cell.
     """
@@ -70,9 +126,14 @@ def rasterise(points: Array, grid: Grid, T: Array, resolution: float) -> Raster:
     occupied = np.zeros((height, width), dtype=bool)
     column, row = (np.floor(se2.transform(T, points) / resolution) - first).astype(int).T
     # a point on the border may round to either side of it
-    occupied[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] = True
+    row, column = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+    occupied[row, column] = True
+    weight = None
+    if weights is not None:
+        weight = np.zeros((height, width), dtype=np.float32)
+        np.maximum.at(weight, (row, column), weights.astype(np.float32))
     free = look_up(grid.free, grid.origin, grid.resolution, T, first, (height, width), resolution)
-    return Raster(occupied, free & ~dilated(occupied), first, resolution)
+    return Raster(occupied, free & ~dilated(occupied), first, resolution, weight)
 
 
 def dilated(cells: np.ndarray) -> np.ndarray:

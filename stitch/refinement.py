@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -10,40 +11,72 @@ import numpy as np
 from slam import se2
 from slam.se2 import Array
 from stitch.config import AlignConfig
-from stitch.raster import Raster
+from stitch.raster import Walls
 from stitch.result import Prior
+from stitch.translation import LINE
 
 MARGIN = 6
 """Cells around a field: the outermost wall is blurred too, and is interpolated on both sides."""
-NEIGHBOURS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True)
 class ScoreField:
-    """The score of `stitch.translation.correlate` as a function of the whole pose.
+    """The score of `stitch.translation.Correlation` as a function of the whole pose.
 
-    b's walls ``points_b (n, 2)`` read ``field_a`` (blurred walls less penalised free space) and a's walls
-    ``points_a`` read ``field_b`` (penalised free space); fields start at lattice cells ``first_a``,
-    ``first_b``.
+    b's walls ``points_b (n, 2)`` read ``near_a`` (a's walls, blurred) and ``free_a``; a's walls ``points_a``
+    read ``free_b``. Fields start at lattice cells ``first_a``, ``first_b``; ``weights_a``, ``weights_b`` are
+    those of the points; ``penalty`` per wall in free space.
     """
 
-    field_a: np.ndarray
+    near_a: np.ndarray
+    free_a: np.ndarray
     first_a: Array
     points_a: Array
-    field_b: np.ndarray
+    weights_a: Array
+    free_b: np.ndarray
     first_b: Array
     points_b: Array
+    weights_b: Array
+    penalty: float
     config: AlignConfig
     prior: Prior | None
 
+    @cached_property
+    def field_a(self) -> np.ndarray:
+        """What a cell of a's lattice is worth to a wall of b."""
+        return self.near_a - np.float32(self.penalty) * self.free_a
+
+    @cached_property
+    def field_b(self) -> np.ndarray:
+        """What a cell of b's lattice is worth to a wall of a."""
+        return -np.float32(self.penalty) * self.free_b
+
     def scores(self, T_a_b: Array) -> Array:
         """Scores ``(K,)`` of poses ``(K, 3)``, in coinciding cells."""
+        shared = self._over_a(self.field_a, T_a_b)
+        lost = self.penalty * self._over_b(T_a_b)
+        return shared - lost - prior_penalty(self.prior, T_a_b, self.config.prior_weight)
+
+    def agreement(self, T_a_b: Array) -> Array:
+        """Cells ``(K,)`` of walls that coincide at poses ``(K, 3)``, a straight wall's cell counting 1."""
+        return self._over_a(self.near_a, T_a_b) / LINE
+
+    def conflict(self, T_a_b: Array) -> Array:
+        """Cells ``(K,)`` of walls of either map that lie in the other's free space at poses ``(K, 3)``."""
+        return self._over_a(self.free_a, T_a_b) + self._over_b(T_a_b)
+
+    def _over_a(self, field: np.ndarray, T_a_b: Array) -> Array:
         from stitch.kernels import sum_along
 
-        side = self.config.resolution
-        shared = sum_along(self.field_a, self.first_a, side, self.points_b, T_a_b)
-        against = sum_along(self.field_b, self.first_b, side, self.points_a, se2.inverse(T_a_b))
-        return shared + against - prior_penalty(self.prior, T_a_b, self.config.prior_weight)
+        return sum_along(field, self.first_a, self.config.resolution, self.points_b, self.weights_b, T_a_b)
+
+    def _over_b(self, T_a_b: Array) -> Array:
+        from stitch.kernels import sum_along
+
+        T_b_a = se2.inverse(T_a_b)
+        return sum_along(
+            self.free_b, self.first_b, self.config.resolution, self.points_a, self.weights_a, T_b_a
+        )
 
 
 def prior_penalty(prior: Prior | None, T_a_b: Array, weight: float) -> Array | float:
@@ -52,23 +85,27 @@ def prior_penalty(prior: Prior | None, T_a_b: Array, weight: float) -> Array | f
 
 
 def score_field(
-    a: Raster, points_a: Array, b: Raster, points_b: Array, prior: Prior | None, config: AlignConfig
+    a: Walls, b: Walls, penalty: float, prior: Prior | None, config: AlignConfig
 ) -> ScoreField:
-    """The score of moving raster b over raster a, each in its own frame."""
+    """The score of moving map b over map a."""
     from scipy.ndimage import gaussian_filter
 
-    walls = np.pad(a.occupied.astype(np.float32), MARGIN)
+    raster_a, raster_b = (walls.raster(np.zeros(3), config.resolution) for walls in (a, b))
+    near = np.pad(raster_a.walls, MARGIN)
     if config.blur > 0.0:
         sigma = np.sqrt(2.0) * config.blur
-        walls = np.float32(2.0 * np.pi * sigma**2) * gaussian_filter(walls, sigma, mode="constant")
-    penalty = np.float32(config.free_penalty)
+        near = np.float32(2.0 * np.pi * sigma**2) * gaussian_filter(near, sigma, mode="constant")
     return ScoreField(
-        field_a=walls - penalty * np.pad(a.free, MARGIN),
-        first_a=a.first - MARGIN,
-        points_a=points_a,
-        field_b=-penalty * np.pad(b.free, MARGIN),
-        first_b=b.first - MARGIN,
-        points_b=points_b,
+        near_a=near,
+        free_a=np.pad(raster_a.free, MARGIN).astype(np.float32),
+        first_a=raster_a.first - MARGIN,
+        points_a=a.points,
+        weights_a=a.weights,
+        free_b=np.pad(raster_b.free, MARGIN).astype(np.float32),
+        first_b=raster_b.first - MARGIN,
+        points_b=b.points,
+        weights_b=b.weights,
+        penalty=penalty,
         config=config,
         prior=prior,
     )
@@ -80,20 +117,43 @@ def about(T_a_b: Array, pivot: Array, steps: Array) -> Array:
     return se2.compose(T_a_pivot + steps, np.array([*-pivot, 0.0]))
 
 
-def climb(field: ScoreField, T_a_b: Array, pivot: Array) -> tuple[Array, float]:
-    """The top of the score near ``T_a_b``, to 12.5 mm and 0.125°, and the score there."""
-    best = float(field.scores(T_a_b[None])[0])
-    step = np.array([0.1, 0.1, np.radians(1.0)])
-    for _ in range(4):
-        for _ in range(10):
-            poses = about(T_a_b, pivot, NEIGHBOURS * step)
-            scores = field.scores(poses)
-            k = int(np.argmax(scores))
-            if not scores[k] > best:
-                break
-            T_a_b, best = poses[k], float(scores[k])
-        step = step / 2.0
-    return T_a_b, best
+def climb(
+    field: ScoreField,
+    T_a_b: Array,
+    pivot: Array,
+    step: tuple[float, float] = (0.1, np.radians(1.0)),
+    halvings: int = 3,
+    stride: int = 1,
+) -> tuple[Array, float]:
+    """The top of the score near ``T_a_b``, and the score there.
+
+    Steps of ``step`` (m, rad) are halved ``halvings`` times; only every ``stride``-th wall point is read.
+    """
+    from stitch.kernels import ascend
+
+    few = slice(None, None, stride)
+    expected, information = T_a_b, np.zeros((3, 3))
+    if field.prior is not None:
+        expected = np.asarray(field.prior.T_a_b, dtype=np.float64)
+        information = field.config.prior_weight / stride * np.linalg.inv(field.prior.covariance)
+    return ascend(
+        field.field_a,
+        field.first_a,
+        np.ascontiguousarray(field.points_a[few]),
+        np.ascontiguousarray(field.weights_a[few]),
+        field.field_b,
+        field.first_b,
+        np.ascontiguousarray(field.points_b[few]),
+        np.ascontiguousarray(field.weights_b[few]),
+        field.config.resolution,
+        expected,
+        information,
+        np.asarray(T_a_b, dtype=np.float64),
+        np.asarray(pivot, dtype=np.float64),
+        np.array([step[0], step[0], step[1]]),
+        halvings,
+        10,
+    )
 
 
 def covariance(field: ScoreField, T_a_b: Array, pivot: Array) -> Array:

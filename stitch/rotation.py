@@ -6,6 +6,12 @@ import numpy as np
 
 from slam import se2
 from slam.se2 import Array
+from stitch.hough import gridness
+
+FAINTEST = 0.04
+"""Least product of two spectra, of its maximum, that is a direction; the ends of a single wall have less."""
+BACKGROUND = 2.0
+"""Times the median of the product, which is what unrelated walls add to every direction."""
 
 
 def cross_correlation(spectrum_a: Array, spectrum_b: Array) -> Array:
@@ -39,6 +45,39 @@ def hypotheses(
     bins = places + _vertex(correlation, places) if smoothing > 0.0 else places
     angles = bins * np.pi / n
     return se2.wrap(np.stack([angles, angles + np.pi], -1).ravel()), np.repeat(scores, 2)
+
+
+def common_directions(
+    spectrum_a: Array,
+    spectrum_b: Array,
+    yaw: float,
+    count: int,
+    separation: float = np.radians(10.0),
+) -> Array:
+    """Directions ``(m,)`` rad of lines that both maps have once b is turned by ``yaw``, strongest first.
+
+    They are the ``count`` best local maxima of the product of the spectra, aligned to the bin (Censi 2005),
+    that stand out; each is the angle of the lines' normal in a's frame, in ``[0, π)``.
+    """
+    n = len(spectrum_a)
+    product = spectrum_a * np.roll(spectrum_b, round(yaw * n / np.pi))
+    places = _peaks(product, count, separation * n / np.pi)
+    least = max(FAINTEST * float(product.max()), BACKGROUND * float(np.median(product)))
+    return places[product[places] >= least] * np.pi / n
+
+
+def reason_against_directions(spectrum_a: Array, spectrum_b: Array) -> str | None:
+    """Why walls do not fix a pose, in words: a map has no directions, or one only; None where they do.
+
+    Carpin (2008) and Censi (2005) take it for granted that there are two.
+    """
+    for name, spectrum in (("a", spectrum_a), ("b", spectrum_b)):
+        stands_out = gridness(spectrum)
+        if not stands_out.trustworthy:
+            return f"the walls of submap {name} have no directions (crest {stands_out.crest:.2f})"
+        if len(common_directions(spectrum, spectrum, 0.0, 2)) < 2:
+            return f"the walls of submap {name} have one direction, along which they are free to slide"
+    return None
 
 
 def _blurred(signal: Array, sigma: float) -> Array:

@@ -23,22 +23,41 @@ def by_spectra(
     """
     turned_a = points_a @ se2.rotation(-direction).T
     turned_b = points_b @ se2.rotation(yaw - direction).T
-    shift, score = np.zeros(2), 0.0
-    for axis in (0, 1):
-        counts_a, first_a = _counts(turned_a[:, axis], resolution)
-        counts_b, first_b = _counts(turned_b[:, axis], resolution)
-        correlation = np.correlate(counts_a, counts_b, "full")
-        best = int(np.argmax(correlation))
-        shift[axis] = resolution * (first_a - first_b + best - (len(counts_b) - 1))
-        score += float(correlation[best])
-    return se2.rotation(direction) @ shift, score
+    best = [lags(turned_a[:, axis], turned_b[:, axis], resolution, 1) for axis in (0, 1)]
+    shift = np.array([shifts[0] for shifts, _ in best])
+    return se2.rotation(direction) @ shift, float(sum(scores[0] for _, scores in best))
 
 
-def _counts(coordinates: Array, resolution: float) -> tuple[Array, int]:
-    """Points per cell along one axis and the lattice index of the first cell."""
+def lags(along_a: Array, along_b: Array, resolution: float, count: int) -> tuple[Array, Array]:
+    """Shifts ``(m,)`` m of b that bring its coordinates ``(n,)`` onto a's, best first, and scores ``(m,)``.
+
+    They are the ``count`` best local maxima of `correlation_along`.
+    """
+    shifts, correlation = correlation_along(along_a, along_b, resolution)
+    padded = np.pad(correlation, 1)
+    tops = np.flatnonzero((correlation > padded[:-2]) & (correlation >= padded[2:]))
+    tops = tops[np.argsort(-correlation[tops], kind="stable")][:count]
+    return shifts[tops], correlation[tops]
+
+
+def correlation_along(along_a: Array, along_b: Array, resolution: float) -> tuple[Array, Array]:
+    """Shifts ``(k,)`` m of b at which its coordinates can meet a's, and the correlation ``(k,)`` there."""
+    counts_a, first_a = profile(along_a, resolution)
+    counts_b, first_b = profile(along_b, resolution)
+    correlation = np.correlate(counts_a, counts_b, "full")
+    lag = np.arange(len(correlation)) - (len(counts_b) - 1)
+    return resolution * (first_a - first_b + lag), correlation
+
+
+def profile(coordinates: Array, resolution: float) -> tuple[Array, int]:
+    """Points per cell along one axis (the report's spectrum) and the lattice index of the first cell."""
     cells = np.floor(coordinates / resolution).astype(np.int64)
     first = int(cells.min())
     return np.bincount(cells - first).astype(np.float64), first
+
+
+LINE = 2.0 * np.sqrt(np.pi)
+"""What a cell of a straight wall scores against another such wall, both blurred by one cell."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +72,27 @@ class Spectra:
 
 @dataclass(frozen=True)
 class Correlation:
-    """``score (h, w)`` in coinciding cells and ``overlap (h, w)`` m² of every shift.
+    """``agreement (h, w)`` and ``conflict (h, w)`` in cells and ``overlap (h, w)`` m² of every shift.
 
     Element (row, column) is the translation ``first + resolution·(column, row)`` m.
     """
 
-    score: np.ndarray
+    agreement: np.ndarray
+    conflict: np.ndarray
     overlap: np.ndarray
     first: Array
     resolution: float
 
+    def score(self, free_penalty: float) -> np.ndarray:
+        """Scores ``(h, w)``: coinciding walls less ``free_penalty`` × walls in free space.
+
+        The penalty is what fixes the translation: without it the largest overlap of clutter wins.
+        """
+        return self.agreement - np.float32(free_penalty) * self.conflict
+
     def translations(self) -> Array:
         """The shifts themselves, ``(h, w, 2)`` m."""
-        height, width = self.score.shape
+        height, width = self.agreement.shape
         x = self.first[0] + self.resolution * np.arange(width)
         y = self.first[1] + self.resolution * np.arange(height)
         return np.stack(np.meshgrid(x, y), -1)
@@ -84,35 +111,32 @@ def spectra(raster: Raster, shape: tuple[int, int]) -> Spectra:
     from scipy.fft import rfft2
 
     walls, free = (
-        rfft2(cells.astype(np.float32), s=shape, workers=1) for cells in (raster.occupied, raster.free)
+        rfft2(cells.astype(np.float32), s=shape, workers=1) for cells in (raster.walls, raster.free)
     )
     return Spectra(walls, free, raster, shape)
 
 
 def correlate(
-    a: Spectra,
-    b: Spectra,
-    free_penalty: float = 5.0,
-    blur: float = 1.0,
-    window: tuple[Array, Array] | None = None,
+    a: Spectra, b: Spectra, blur: float = 1.0, window: tuple[Array, Array] | None = None
 ) -> Correlation:
-    """Score of all translations of b: coinciding walls less ``free_penalty`` × walls in free space.
+    """How well two maps fit at all translations of b.
 
-    Walls are blurred by ``blur`` cells on both sides, scaled so that one coinciding cell scores 1. The
-    penalty is what fixes the translation: without it the largest overlap of clutter wins. ``window`` = (low
-    (2,), high (2,)) m limits the answer to some translations. Shapes larger than both maps together keep the
-    FFT from wrapping.
+    Agreement counts coinciding walls, blurred by ``blur`` cells on both sides and scaled so that one
+    coinciding cell counts 1 (a cell of a straight wall also collects its neighbours' blur, `LINE` in all for
+    a blur of 1); conflict counts walls in the other's free space. ``window`` = (low (2,), high (2,)) m limits
+    the answer to some translations. Shapes larger than both maps together keep the FFT from wrapping.
     """
     from scipy.fft import irfft2
 
     if a.shape != b.shape:
         raise ValueError(f"spectra of different shape: {a.shape} and {b.shape}")
     walls_b, free_b = np.conj(b.walls), np.conj(b.free)
-    penalty = np.float32(free_penalty)
-    product = (_blur_gain(a.shape, blur) * a.walls - penalty * a.free) * walls_b
-    product -= (penalty * a.walls) * free_b
-    score = irfft2(product, s=a.shape, workers=1)
-    known = irfft2((a.walls + a.free) * (walls_b + free_b), s=a.shape, workers=1)
+    products = (
+        _blur_gain(a.shape, blur) * a.walls * walls_b,
+        a.free * walls_b + a.walls * free_b,
+        (a.walls + a.free) * (walls_b + free_b),
+    )
+    agreement, conflict, known = (irfft2(product, s=a.shape, workers=1) for product in products)
 
     resolution = a.raster.resolution
     offset = a.raster.first - b.raster.first
@@ -125,7 +149,13 @@ def correlate(
     rows = np.arange(low[1], high[1] + 1) % a.shape[0]
     columns = np.arange(low[0], high[0] + 1) % a.shape[1]
     place = np.ix_(rows, columns)
-    return Correlation(score[place], known[place] * resolution**2, resolution * (offset + low), resolution)
+    return Correlation(
+        agreement[place],
+        conflict[place],
+        known[place] * resolution**2,
+        resolution * (offset + low),
+        resolution,
+    )
 
 
 def _blur_gain(shape: tuple[int, int], blur: float) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""Speed and memory, measured where they are claimed."""
+"""Speed, memory and matching, measured where they are claimed."""

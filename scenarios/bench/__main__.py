@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
@@ -22,33 +23,53 @@ class Options:
     """Measure on one core, in processor time, and print the median and the range of several repetitions.
 
     The best repetition is what the code can do; how far the others are from it is what else the machine did.
+    matching: also success, honesty and accuracy of scan matchers, beside others (extra [peers]) if installed.
     """
 
     name: Positional[Annotated[str, arg(metavar="|".join(BENCHES), help_behavior_hint="")]] = ""
     """Which bench to run; all without a name."""
     format: Literal["table", "json"] = "table"
-    """What is printed on stdout."""
+    """What is printed on stdout; json has everything that was measured."""
+    pairs: Annotated[int, arg(metavar="N")] = 300
+    """matching: pairs of scans of each kind, simulated and from each log."""
+    seed: Annotated[int, arg(metavar="K")] = 0
+    """matching: what the pairs, their noise and the guesses are drawn from."""
+    data: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """matching: folder of the real recordings (carmen/intel.raw.log.gz, usarsim/iro2012-pre2/Robot1.log),
+    by default ../shared/data beside the checkout. What is not there is left out."""
 
 
 def run(options: Options) -> None:
     """The figures of one bench, or of all."""
-    if options.name and options.name not in BENCHES:
-        raise BadInput(f"unknown bench {options.name!r}: {nearest(options.name, BENCHES)}")
+    _check(options)
 
     from rich.console import Console
 
-    from scenarios.bench.table import figures_json, print_figures
+    from scenarios.bench.measured import DATA, Asked
+    from scenarios.bench.table import measured_json, print_measured
     from scenarios.environment import environment
     from scenarios.stages import Stages
 
+    asked = Asked(options.pairs, options.seed, options.data or DATA)
     names = [options.name] if options.name else BENCHES
     with one_core():
-        measured = {name: bench(name)(Stages(Console(stderr=True))) for name in names}
+        measured = {name: bench(name)(Stages(Console(stderr=True)), asked) for name in names}
     if options.format == "json":
-        print(figures_json(measured, environment()))
+        print(measured_json(measured, environment()))
         return
-    for name, figures in measured.items():
-        print_figures(name, figures, environment())
+    for name, found in measured.items():
+        print_measured(name, found, environment())
+
+
+def _check(options: Options) -> None:
+    if options.name and options.name not in BENCHES:
+        raise BadInput(f"unknown bench {options.name!r}: {nearest(options.name, BENCHES)}")
+    if options.pairs < 1:
+        raise BadInput(f"--pairs: expected 1 or more, got {options.pairs}")
+    if options.seed < 0:
+        raise BadInput(f"--seed: expected 0 or more, got {options.seed}")
+    if options.data is not None and not options.data.is_dir():
+        raise BadInput(f"--data: expected a folder, got {options.data}")
 
 
 @contextmanager

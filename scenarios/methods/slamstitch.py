@@ -11,6 +11,7 @@ from scenarios.estimate import Estimate
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import close
 from slam import bundle, chain, keyframes, se2
+from slam.companions import without_companions
 from slam.frontend import track
 from slam.posegraph import marginals, optimise
 from slam.recording import Recording
@@ -23,7 +24,7 @@ from slam.track import Track, Verdict
 def run(recording: Recording, config: MethodConfig) -> Estimate:
     """Track the drive, cut it into submaps, stitch them where they meet, let the graph decide, adjust the
     bundle."""
-    scans = scans_of(recording)
+    scans = without_companions(recording, scans_of(recording))
     found = track(recording, config.frontend, scans)
     matched = found.verdict != Verdict.FELL_BACK
     drawn = np.array([k for k in keyframes.choose(found.poses) if matched[k]])

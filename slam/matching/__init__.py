@@ -1,5 +1,9 @@
-"""Scan matching: the Weighted Scan Matcher and the ICP baselines under one call."""
+"""Scan matching: the Weighted Scan Matcher, its point-to-line form, and the ICP baselines."""
 
-from slam.matching.match import Match, MatchConfig, NoMatch, Reference, match
+from slam.matching.bias import Bias
+from slam.matching.config import RAW_WSM, MatchConfig
+from slam.matching.match import match
+from slam.matching.reference import LocalMap, Reference
+from slam.matching.result import Match, NoMatch
 
-__all__ = ["Match", "MatchConfig", "NoMatch", "Reference", "match"]
+__all__ = ["RAW_WSM", "Bias", "LocalMap", "Match", "MatchConfig", "NoMatch", "Reference", "match"]

@@ -2,6 +2,9 @@
 
 Frames: reference points p1 and pose ``(t, φ)`` of the scan in the reference frame; e = p1 − (R p2 + t),
 H = [I | J R p2], Λ = Σ Hᵀ W H, (δt, δφ) = Λ⁻¹ Σ Hᵀ W e. The methods differ in the pair weight W only.
+
+A *cloud* is a tuple (points (n, 2), normals (n, 2), covariance (n, 2, 2), tangent_sigma (n,)), an *indexed*
+cloud is a tuple (cloud, lattice) with the lattice of `slam.matching.neighbours`.
 """
 
 from __future__ import annotations
@@ -10,13 +13,14 @@ import numpy as np
 from numba import njit
 
 from slam.matching.neighbours import nearest
+from slam.matching.symmetric import eigh3
 
 WSM, ICP, PLICP = 0, 1, 2
 """Pair weight: inverse of both points' covariances (Pfister 2002), constant, along the reference's normal."""
 
-STILL, SETTLED = 1e-4, 5e-3
-"""Largest step [m, rad] at which iterating stops, and at which a pose that still flickers between two sets of
-pairs counts as converged."""
+STILL, SETTLED, ROUGH = 1e-4, 5e-3, 5e-3
+"""Largest step [m, rad] at which iterating stops, at which a pose that still flickers between two sets of
+pairs counts as converged, and at which a coarse level gives way to the next."""
 
 SIDE_COSINE = 0.7
 """Two surfaces whose oriented normals differ by more than 45° are not the same (both faces of a thin
@@ -24,25 +28,31 @@ wall)."""
 
 
 @njit(cache=True)
-def correspondences(reference, reference_index, scan, scan_index, pose, radius, mutual):
-    """Row of the reference point paired with each scan point, -1 for none; mutual nearest neighbours if
-    asked."""
-    pairs = np.full(len(scan), -1, np.int64)
+def correspondences(reference, scan, pose, radius, mutual, stride, pairs):
+    """Write the row of the reference's point paired with every ``stride``-th scan point into ``pairs``, -1
+    for none; mutual nearest neighbours if asked.
+
+    What ``pairs (n,)`` held before is where the search starts. ``reference`` and ``scan`` are indexed clouds.
+    """
+    (points, _, _, _), lattice = reference
+    (scan_points, _, _, _), scan_lattice = scan
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    for i in range(len(scan)):
-        x = c * scan[i, 0] - s * scan[i, 1] + pose[0]
-        y = s * scan[i, 0] + c * scan[i, 1] + pose[1]
-        j = nearest(reference, reference_index, x, y, radius)
+    for i in range(len(scan_points)):
+        if i % stride != stride // 2:
+            pairs[i] = -1
+            continue
+        x = c * scan_points[i, 0] - s * scan_points[i, 1] + pose[0]
+        y = s * scan_points[i, 0] + c * scan_points[i, 1] + pose[1]
+        j = nearest(points, lattice, x, y, radius, pairs[i])
         if j >= 0 and mutual:
-            dx, dy = reference[j, 0] - pose[0], reference[j, 1] - pose[1]
-            if nearest(scan, scan_index, c * dx + s * dy, -s * dx + c * dy, radius) != i:
-                continue
+            dx, dy = points[j, 0] - pose[0], points[j, 1] - pose[1]
+            if nearest(scan_points, scan_lattice, c * dx + s * dy, -s * dx + c * dy, radius, i) != i:
+                j = -1
         pairs[i] = j
-    return pairs
 
 
 @njit(cache=True)
-def _pair_covariance(first, second, c, s):
+def pair_covariance(first, second, c, s):
     """P1 + R P2 Rᵀ as (xx, xy, yy)."""
     a, b, d = second[0, 0], second[0, 1], second[1, 1]
     xx = c * c * a - 2.0 * c * s * b + s * s * d
@@ -52,7 +62,7 @@ def _pair_covariance(first, second, c, s):
 
 
 @njit(cache=True)
-def _pair_weight(method, normal, scan_normal, covariance, c, s, sigma):
+def pair_weight(method, normal, scan_normal, covariance, c, s, sigma, oriented):
     """Pair weight W as (xx, xy, yy); zero when the pair does not count."""
     if method == ICP:
         return 1.0 / sigma**2, 0.0, 1.0 / sigma**2
@@ -61,19 +71,22 @@ def _pair_weight(method, normal, scan_normal, covariance, c, s, sigma):
         determinant = xx * yy - xy * xy
         return yy / determinant, -xy / determinant, xx / determinant
     nx, ny = normal
+    if not (np.isfinite(nx) and np.isfinite(scan_normal[0])):
+        determinant = xx * yy - xy * xy
+        return yy / determinant, -xy / determinant, xx / determinant
     facing = nx * (c * scan_normal[0] - s * scan_normal[1]) + ny * (s * scan_normal[0] + c * scan_normal[1])
-    if not facing > SIDE_COSINE:
+    if not (facing if oriented else abs(facing)) > SIDE_COSINE:
         return 0.0, 0.0, 0.0
     variance = nx * nx * xx + 2.0 * nx * ny * xy + ny * ny * yy
     return nx * nx / variance, nx * ny / variance, ny * ny / variance
 
 
 @njit(cache=True)
-def normal_equations(method, reference, scan, pairs, pose, sigma, robust):
+def normal_equations(method, reference, scan, pairs, pose, sigma, robust, oriented):
     """Information Λ (3, 3), gradient (3,), pairs used, Σ robust eᵀWe and Σ weights at one pose.
 
-    ``reference`` and ``scan`` are tuples (points, normals, covariance, tangent_sigma). A pair's weight is
-    scaled by 1 / (1 + χ²/robust) (Cauchy); ``robust`` = inf for none.
+    ``reference`` and ``scan`` are clouds. A pair's weight is scaled by 1 / (1 + χ²/robust) (Cauchy);
+    ``robust`` = inf for none.
     """
     points, normals, covariance, _ = reference
     scan_points, scan_normals, scan_covariance, _ = scan
@@ -86,8 +99,8 @@ def normal_equations(method, reference, scan, pairs, pose, sigma, robust):
             continue
         rx = c * scan_points[i, 0] - s * scan_points[i, 1]
         ry = s * scan_points[i, 0] + c * scan_points[i, 1]
-        pair = _pair_covariance(covariance[j], scan_covariance[i], c, s)
-        xx, xy, yy = _pair_weight(method, normals[j], scan_normals[i], pair, c, s, sigma)
+        pair = pair_covariance(covariance[j], scan_covariance[i], c, s)
+        xx, xy, yy = pair_weight(method, normals[j], scan_normals[i], pair, c, s, sigma, oriented)
         if xx + yy <= 0.0:
             continue
         ex, ey = points[j, 0] - rx - pose[0], points[j, 1] - ry - pose[1]
@@ -115,44 +128,13 @@ def normal_equations(method, reference, scan, pairs, pose, sigma, robust):
 
 
 @njit(cache=True)
-def point_to_line_information(reference, scan, pairs, pose, robust):
-    """Information (3, 3) that wall normals alone carry, less what their own noise fabricates.
-
-    Λ = Σ f_nᵀf_n / v − Σ σ_tan² f_tᵀf_t / v with v = nᵀ P n: closed-form covariances that ignore re-matching
-    hold for point-to-line only (Bonnabel et al. 2016).
-    """
-    points, normals, covariance, tangent_sigma = reference
-    scan_points, _, scan_covariance, _ = scan
-    information = np.zeros((3, 3))
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    for i in range(len(pairs)):
-        j = pairs[i]
-        if j < 0 or not np.isfinite(normals[j, 0]):
-            continue
-        nx, ny = normals[j]
-        rx = c * scan_points[i, 0] - s * scan_points[i, 1]
-        ry = s * scan_points[i, 0] + c * scan_points[i, 1]
-        xx, xy, yy = _pair_covariance(covariance[j], scan_covariance[i], c, s)
-        v = nx * nx * xx + 2.0 * nx * ny * xy + ny * ny * yy
-        error = nx * (points[j, 0] - rx - pose[0]) + ny * (points[j, 1] - ry - pose[1])
-        v *= 1.0 + error * error / v / robust
-        across = np.array([nx, ny, -nx * ry + ny * rx])
-        along = np.array([-ny, nx, ny * ry + nx * rx])
-        noise = tangent_sigma[j] ** 2
-        for a in range(3):
-            for b in range(3):
-                information[a, b] += (across[a] * across[b] - noise * along[a] * along[b]) / v
-    return information
-
-
-@njit(cache=True)
 def fade_weak(information, gradient, total, length, threshold):
     """Information and gradient with directions of little mean information per weight smoothly taken out.
 
     Yaw is scaled by ``length`` m; each eigen-direction of Λ / Σw is multiplied by λ² / (λ² + threshold²).
     """
     scale = np.array([1.0, 1.0, 1.0 / length])
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale) / total)
+    values, vectors = eigh3(information * np.outer(scale, scale) / total)
     gains = np.empty(3)
     for k in range(3):
         value = max(values[k], 0.0)
@@ -168,7 +150,7 @@ def solve_good_directions(information, gradient, length, ratio):
     """Λ⁻¹ g along well-determined eigenvectors only; directions below ``ratio`` of the strongest are
     frozen."""
     scale = np.array([1.0, 1.0, 1.0 / length])
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    values, vectors = eigh3(information * np.outer(scale, scale))
     step = np.zeros(3)
     for k in range(3):
         if values[k] > ratio * values[2] and values[k] > 0.0:
@@ -177,28 +159,32 @@ def solve_good_directions(information, gradient, length, ratio):
 
 
 @njit(cache=True)
-def iterate(method, reference, reference_index, scan, scan_index, guess, prior, settings, radii):
-    """Pose (3,), Λ (3, 3) with weak directions faded, pairs, pairs used, cost, iterations, converged.
+def descend(method, reference, scan, start, guess, prior, descent, levels, pairs):
+    """Pose (3,), Λ (3, 3) with weak directions faded, pairs used, cost, iterations, converged.
 
-    ``prior (3, 3)`` is information about the guess (zeros for none). ``settings`` are (sigma, robust, mutual,
-    length, fade threshold, freeze ratio, most iterations per radius).
+    ``reference`` and ``scan`` are indexed clouds; ``prior (3, 3)`` is information about ``guess`` (zeros for
+    none), which need not be where the descent starts; ``descent`` and ``levels (L, 2)`` are those of
+    `slam.matching.config.MatchConfig`; ``pairs (n,)`` starts as hints and ends as the last pairs. The
+    Weighted Scan Matcher weighs along the normal only until its last level: points that are far apart say
+    little about the way along a wall.
     """
-    sigma, robust, mutual, length, fade, ratio, most = settings
-    pose = guess.copy()
+    sigma, robust, mutual, length, fade, ratio, most, oriented = descent
+    pose = start.copy()
     iterations, converged = 0, False
     information, gradient = np.zeros((3, 3)), np.zeros(3)
-    pairs = np.full(len(scan[0]), -1, np.int64)
     used, cost = 0, 0.0
-    for radius in radii:
-        converged = False
-        for _ in range(int(most)):
-            pairs = correspondences(
-                reference[0], reference_index, scan[0], scan_index, pose, radius, mutual > 0.0
+    for level in range(len(levels)):
+        last = level == len(levels) - 1
+        weighing = PLICP if method == WSM and not last else method
+        for _ in range(most):
+            correspondences(
+                reference, scan, pose, levels[level, 0], mutual and last, int(levels[level, 1]), pairs
             )
             information, gradient, used, cost, total = normal_equations(
-                method, reference, scan, pairs, pose, sigma, robust
+                weighing, reference[0], scan[0], pairs, pose, sigma, robust, oriented
             )
             if used == 0:
+                converged = False
                 break
             if fade > 0.0:
                 information, gradient = fade_weak(information, gradient, total, length, fade)
@@ -209,23 +195,22 @@ def iterate(method, reference, reference_index, scan, scan_index, guess, prior, 
             iterations += 1
             moved = max(np.hypot(step[0], step[1]), abs(step[2]))
             converged = moved < SETTLED
-            if moved < STILL:
+            if moved < (STILL if last else ROUGH):
                 break
-    return pose, information, pairs, used, cost, iterations, converged
+    return pose, information, used, cost, iterations, converged
 
 
 @njit(cache=True)
-def linearise_pairs(cloud, offsets, lattice, first_offsets, pairs, guesses, radius, robust, fade, length):
+def linearise_pairs(cloud, offsets, lattice, pairs, guesses, radius, robust, fade, length):
     """One Gauss–Newton step, point to line, for each of many pairs of scans packed into one cloud.
 
-    ``cloud`` is (points, normals, covariance, tangent_sigma) of all scans, scan k in rows
-    ``offsets[k]:offsets[k+1]``; ``lattice`` is (low, cell, columns, rows, first, order) of their indices,
-    ``first`` cut at ``first_offsets``. ``pairs (P, 2)`` reference and scan, ``guesses (P, 3)``. Returns
-    the relative poses after the step ``(P, 3)``, the information in the reference's frame ``(P, 3, 3)``
-    with weak directions faded, and the pairs of points ``(P,)``.
+    ``cloud`` holds all scans, scan k in rows ``offsets[k]:offsets[k+1]``; ``lattice`` is (cell, heads (K,
+    side, side), following) of their lattices. ``pairs (P, 2)`` reference and scan, ``guesses (P, 3)``.
+    Returns the relative poses after the step ``(P, 3)``, the information in the reference's frame ``(P, 3,
+    3)`` with weak directions faded, and the pairs of points ``(P,)``.
     """
     points, normals, covariance, tangent_sigma = cloud
-    low, cell, columns, rows, first, order = lattice
+    cell, heads, following = lattice
     stepped, informations = guesses.copy(), np.zeros((len(pairs), 3, 3))
     counts = np.zeros(len(pairs), np.int64)
     for p in range(len(pairs)):
@@ -235,12 +220,12 @@ def linearise_pairs(cloud, offsets, lattice, first_offsets, pairs, guesses, radi
             continue
         reference = (points[a:b], normals[a:b], covariance[a:b], tangent_sigma[a:b])
         scan = (points[c:d], normals[c:d], covariance[c:d], tangent_sigma[c:d])
-        index = (
-            low[i], cell[i], columns[i], rows[i], first[first_offsets[i] : first_offsets[i + 1]], order[a:b],
-        )  # fmt: skip
-        matched = correspondences(reference[0], index, scan[0], index, guesses[p], radius, False)
+        indexed = (reference, (cell, heads[i], following[a:b]))
+        indexed_scan = (scan, (cell, heads[j], following[c:d]))
+        matched = np.full(d - c, -1, np.int64)
+        correspondences(indexed, indexed_scan, guesses[p], radius, False, 1, matched)
         information, gradient, used, _, total = normal_equations(
-            PLICP, reference, scan, matched, guesses[p], 1.0, robust
+            PLICP, reference, scan, matched, guesses[p], 1.0, robust, True
         )
         counts[p] = used
         if used == 0:

@@ -1,56 +1,111 @@
-"""Nearest neighbours in the plane: points sorted into the cells of a square lattice."""
+"""Nearest neighbours in the plane: points hung into the buckets of a square lattice that repeats itself.
+
+A bucket serves all cells a multiple of the lattice's side apart, so that a lattice needs no bounds, is made
+in a few microseconds, and points come and go without rebuilding it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-MOST_CELLS = 200_000
-"""The lattice is coarsened until it has no more cells than this."""
+
+@njit(cache=True)
+def empty(capacity, cell, side):
+    """Lattice ``(cell, heads, following)`` of ``side × side`` buckets (a power of two) of ``cell`` m.
+
+    It has room for ``capacity`` points and holds none; ``heads`` is the first row of each bucket,
+    ``following`` the next row of each row, -1 for none.
+    """
+    return cell, np.full((side, side), -1, np.int32), np.full(capacity, -1, np.int32)
 
 
 @njit(cache=True)
-def build(points, cell):
-    """Index of ``points (n, 2)`` m on a lattice of ``cell`` m: origin, cell, shape, first row per cell,
-    rows."""
-    low = np.array([points[:, 0].min(), points[:, 1].min()])
-    extent_x, extent_y = points[:, 0].max() - low[0], points[:, 1].max() - low[1]
-    while (extent_x / cell + 1.0) * (extent_y / cell + 1.0) > MOST_CELLS:
-        cell *= 1.5
-    columns, rows = int(extent_x / cell) + 1, int(extent_y / cell) + 1
-    first = np.zeros(columns * rows + 1, np.int64)
-    where = np.empty(len(points), np.int64)
-    for i in range(len(points)):
-        where[i] = int((points[i, 1] - low[1]) / cell) * columns + int((points[i, 0] - low[0]) / cell)
-        first[where[i] + 1] += 1
-    for k in range(columns * rows):
-        first[k + 1] += first[k]
-    filled = first[:-1].copy()
-    order = np.empty(len(points), np.int64)
-    for i in range(len(points)):
-        order[filled[where[i]]] = i
-        filled[where[i]] += 1
-    return low, cell, columns, rows, first, order
+def _bucket(coordinate, cell, side):
+    return int(np.floor(coordinate / cell)) & (side - 1)
 
 
 @njit(cache=True)
-def nearest(points, index, x, y, radius):
-    """Row of the point nearest to ``(x, y)`` closer than ``radius`` m, or -1."""
-    low, cell, columns, rows, first, order = index
+def insert(points, lattice, start, stop):
+    """Hang the rows ``start:stop`` of ``points (n, 2)`` m into the lattice."""
+    cell, heads, following = lattice
+    side = len(heads)
+    for i in range(start, stop):
+        row, column = _bucket(points[i, 1], cell, side), _bucket(points[i, 0], cell, side)
+        following[i] = heads[row, column]
+        heads[row, column] = i
+
+
+@njit(cache=True)
+def remove(points, lattice, start, stop):
+    """Take the rows ``start:stop`` out again; they must be in the lattice, at the points they came with."""
+    cell, heads, following = lattice
+    side = len(heads)
+    for i in range(start, stop):
+        row, column = _bucket(points[i, 1], cell, side), _bucket(points[i, 0], cell, side)
+        if heads[row, column] == i:
+            heads[row, column] = following[i]
+            continue
+        before = heads[row, column]
+        while following[before] != i:
+            before = following[before]
+        following[before] = following[i]
+
+
+@njit(cache=True)
+def build(points, cell, side):
+    """Lattice of all ``points (n, 2)`` m."""
+    lattice = empty(len(points), cell, side)
+    insert(points, lattice, 0, len(points))
+    return lattice
+
+
+@njit(cache=True)
+def nearest(points, lattice, x, y, radius, hint):
+    """Row of the point nearest to ``(x, y)`` closer than ``radius`` m, or -1.
+
+    ``hint`` is a row that may be near (-1 for none): the search then starts with its distance.
+    """
+    cell, heads, following = lattice
+    side = len(heads)
     best, best_square = -1, radius * radius
-    column, row = int(np.floor((x - low[0]) / cell)), int(np.floor((y - low[1]) / cell))
-    for ring in range(int(radius / cell) + 2):
-        if best >= 0 and best_square <= ((ring - 1) * cell) ** 2:
+    if hint >= 0:
+        square = (points[hint, 0] - x) ** 2 + (points[hint, 1] - y) ** 2
+        if square < best_square:
+            best, best_square = hint, square
+    reach = int(np.sqrt(best_square) / cell) + 1
+    column, row = int(np.floor(x / cell)), int(np.floor(y / cell))
+    low, high, left, right = row - reach, row + reach, column - reach, column + reach
+    if 2 * reach + 1 > side:  # every bucket once
+        reach = side
+        low, high, left, right = row, row + side - 1, column, column + side - 1
+    for ring in range(reach + 1):
+        if ((ring - 1) * cell) ** 2 >= best_square and 1 < ring and reach < side:
             break
-        for r in range(max(row - ring, 0), min(row + ring, rows - 1) + 1):
+        for r in range(max(row - ring, low), min(row + ring, high) + 1):
+            dy = max(r * cell - y, y - (r + 1) * cell, 0.0)
+            if dy * dy >= best_square and reach < side:
+                continue
             edge = r == row - ring or r == row + ring
-            step = 1 if edge or ring == 0 else 2 * ring
-            for c in range(column - ring, column + ring + 1, step):
-                if c < 0 or c >= columns:
+            for c in range(column - ring, column + ring + 1, 1 if edge or ring == 0 else 2 * ring):
+                if c < left or c > right:
                     continue
-                for k in range(first[r * columns + c], first[r * columns + c + 1]):
-                    i = order[k]
+                dx = max(c * cell - x, x - (c + 1) * cell, 0.0)
+                if dx * dx + dy * dy >= best_square and reach < side:
+                    continue
+                i = heads[r & (side - 1), c & (side - 1)]
+                while i >= 0:
                     square = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
                     if square < best_square:
                         best, best_square = i, square
+                    i = following[i]
     return best
+
+
+@njit(cache=True)
+def nearest_all(points, lattice, queries, radius):
+    """Row of the point nearest to each of ``queries (m, 2)`` closer than ``radius`` m, -1 for none."""
+    rows = np.empty(len(queries), np.int64)
+    for i in range(len(queries)):
+        rows[i] = nearest(points, lattice, queries[i, 0], queries[i, 1], radius, -1)
+    return rows

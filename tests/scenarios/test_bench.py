@@ -17,6 +17,7 @@ from scenarios.bench import __main__ as command
 from scenarios.bench import suite
 from scenarios.bench.building import building, free_poses
 from scenarios.bench.figure import Figure, seconds
+from scenarios.bench.measured import Asked, Measured, Table
 from scenarios.bench.suite import sim as bench
 from scenarios.bench.table import number
 from scenarios.cli import main
@@ -104,7 +105,7 @@ def test_the_bench_of_the_simulator_has_every_figure(monkeypatch):
         monkeypatch.setattr(bench, name, value)
     lasted = SimpleNamespace(recording=SimpleNamespace(time=np.array([1.0, 3.0, 9.0])))
     monkeypatch.setattr(bench, "simulate", lambda scenario, seed: lasted)
-    figures = {f.name: f for f in bench.run(Stages(Console(quiet=True)))}
+    figures = {f.name: f for f in bench.run(Stages(Console(quiet=True)), Asked()).figures}
     for name in (
         "pymunk", "flat", "tilted", "flat, turned", "tilted, hospital", "flat / pymunk", "tilted / pymunk",
         "flat, 200 segments", "flat, 400 segments", "time per ray, 400 / 200 segments",
@@ -118,7 +119,11 @@ def test_the_bench_of_the_simulator_has_every_figure(monkeypatch):
 def pretend(monkeypatch, *words: str) -> int:
     """Run the command with a bench that measures nothing."""
     figures = [Figure("flat", "M rays/s", (3.0, 1.0, 2.0), "a note")]
-    monkeypatch.setattr(command, "bench", lambda name: lambda stages: figures)
+    table = Table("Success", ("matcher", "easy"), (("ours", "100.0 [98.7–100.0]"),))
+    measured = Measured(
+        figures, [table], {"scores": [{"matcher": "ours", "success": 1.0}]}, ["one is left out"]
+    )
+    monkeypatch.setattr(command, "bench", lambda name: lambda stages, asked: measured)
     monkeypatch.setattr(sys, "argv", ["bench", *words])
     return main(command.Options, command.COMMAND, command.run)
 
@@ -142,6 +147,30 @@ def test_json_has_every_repetition(monkeypatch, capsys):
         "median": 2.0, "min": 1.0, "max": 3.0,
     }  # fmt: skip
     assert result["environment"]["processor"]
+    assert result["records"]["sim"] == {"scores": [{"matcher": "ours", "success": 1.0}]}
+    assert result["notes"]["sim"] == ["one is left out"]
+
+
+def test_tables_and_notes_are_printed_as_they_are(monkeypatch, capsys):
+    assert pretend(monkeypatch, "sim") == 0
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert "  ours      100.0 [98.7–100.0]" in lines
+    assert "one is left out" in lines
+    assert max(map(len, lines)) <= 160
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--pairs", "0"], "--pairs: expected 1 or more, got 0"),
+        (["--seed", "-1"], "--seed: expected 0 or more, got -1"),
+        (["--data", "nowhere"], "--data: expected a folder, got nowhere"),
+        (["--pair", "3"], "unknown option '--pair': did you mean '--pairs'?"),
+    ],
+)
+def test_bad_options_are_one_line_and_exit_code_2(monkeypatch, capsys, words, complaint):
+    assert pretend(monkeypatch, "matching", *words) == 2
+    assert capsys.readouterr().err == f"scenarios.bench: {complaint}\n"
 
 
 def test_an_unknown_bench_is_one_line_and_exit_code_2(monkeypatch, capsys):

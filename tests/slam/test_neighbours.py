@@ -1,4 +1,4 @@
-"""Nearest neighbours on the lattice against looking at every point."""
+"""Nearest neighbours on the repeating lattice against looking at every point."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slam.matching.neighbours import MOST_CELLS, build, nearest
+from slam.matching.neighbours import build, empty, insert, nearest, nearest_all, remove
 from slam.se2 import Array
 
 quick = settings(deadline=None, max_examples=150, derandomize=True)
@@ -24,10 +24,13 @@ def slowly(points: Array, x: float, y: float, radius: float) -> float:
     return float(apart.min()) if apart.min() < radius else np.inf
 
 
-def assert_found(points: Array, cell: float, x: float, y: float, radius: float) -> None:
-    row = nearest(points, build(points, cell), x, y, radius)
+def assert_found(
+    points: Array, lattice: tuple, x: float, y: float, radius: float, hint: int = -1, gone: slice = slice(0, 0)
+) -> None:
+    row = nearest(points, lattice, x, y, radius, hint)
     found = float(np.hypot(*(points[row] - [x, y]))) if row >= 0 else np.inf
-    expected = slowly(points, x, y, radius)
+    left = np.delete(points, gone, axis=0)
+    expected = slowly(left, x, y, radius) if len(left) else np.inf
     if not np.isinf(expected) and abs(expected - radius) < 1e-12:
         return  # rounding decides which side of the circle it is on
     assert found == pytest.approx(expected, abs=1e-12)
@@ -35,46 +38,63 @@ def assert_found(points: Array, cell: float, x: float, y: float, radius: float) 
 
 @quick
 @given(
-    cloud, coordinate, coordinate, st.sampled_from([0.05, 0.1, 0.37, 5.0]), st.sampled_from([0.15, 0.5, 4.0])
+    cloud,
+    coordinate,
+    coordinate,
+    st.sampled_from([0.05, 0.1, 0.37, 5.0]),
+    st.sampled_from([4, 16]),
+    st.sampled_from([0.15, 0.5, 4.0]),
+    st.integers(-1, 39),
 )
-def test_twin(points: Array, x: float, y: float, cell: float, radius: float) -> None:
-    assert_found(points, cell, x, y, radius)
+def test_twin(points: Array, x: float, y: float, cell: float, side: int, radius: float, hint: int) -> None:
+    hint = min(hint, len(points) - 1)
+    assert_found(points, build(points, cell, side), x, y, radius, hint)
+
+
+@quick
+@given(cloud, coordinate, coordinate, st.integers(0, 39), st.integers(0, 39))
+def test_twin_after_points_have_gone(points: Array, x: float, y: float, a: int, b: int) -> None:
+    lattice = build(points, 0.1, 8)
+    start, stop = sorted((min(a, len(points)), min(b, len(points))))
+    remove(points, lattice, start, stop)
+    assert_found(points, lattice, x, y, 0.7, gone=slice(start, stop))
+    insert(points, lattice, start, stop)
+    assert_found(points, lattice, x, y, 0.7)
 
 
 def test_twin_on_a_scans_scale() -> None:
     rng = np.random.default_rng(1)
     points = rng.uniform(-5.0, 5.0, (400, 2))
-    for x, y in rng.uniform(-7.0, 7.0, (300, 2)):
-        assert_found(points, 0.2, x, y, 0.5)
+    lattice = build(points, 0.2, 16)
+    queries = rng.uniform(-7.0, 7.0, (300, 2))
+    for x, y in queries:
+        assert_found(points, lattice, x, y, 0.5)
+    rows = nearest_all(points, lattice, queries, 0.5)
+    np.testing.assert_array_equal(rows, [nearest(points, lattice, x, y, 0.5, -1) for x, y in queries])
 
 
 @pytest.mark.parametrize(("x", "y"), [(1e4, 0.0), (-1e4, 3.0), (0.0, -1e4)])
-def test_far_outside_the_lattice(x: float, y: float) -> None:
+def test_far_outside(x: float, y: float) -> None:
     points = np.array([[0.0, 0.0], [1.0, 1.0]])
-    assert nearest(points, build(points, 0.2), x, y, 0.5) == -1
-    assert_found(points, 0.2, x, y, 2e4)
+    lattice = build(points, 0.2, 16)
+    assert nearest(points, lattice, x, y, 0.5, -1) == -1
+    assert_found(points, lattice, x, y, 2e4)
 
 
 def test_the_radius_is_exclusive() -> None:
     points = np.array([[0.5, 0.0]])
-    index = build(points, 0.2)
-    assert nearest(points, index, 0.0, 0.0, 0.5) == -1
-    assert nearest(points, index, 0.0, 0.0, 0.5001) == 0
+    lattice = build(points, 0.2, 16)
+    assert nearest(points, lattice, 0.0, 0.0, 0.5, -1) == -1
+    assert nearest(points, lattice, 0.0, 0.0, 0.5001, -1) == 0
 
 
-def test_every_point_is_in_the_index_once() -> None:
-    points = np.random.default_rng(2).uniform(-3.0, 3.0, (200, 2))
-    _, _, columns, rows, first, order = build(points, 0.2)
-    np.testing.assert_array_equal(np.sort(order), np.arange(200))
-    assert first[0] == 0
-    assert first[columns * rows] == 200
-    for k in range(200):
-        assert nearest(points, build(points, 0.2), *points[k], 0.1) == k
+def test_cells_a_lattice_apart_share_a_bucket_and_are_told_apart() -> None:
+    points = np.array([[0.05, 0.05], [1.65, 0.05]])  # 16 cells of 0.1 m apart
+    lattice = build(points, 0.1, 16)
+    assert np.count_nonzero(lattice[1] >= 0) == 1
+    assert nearest(points, lattice, 0.05, 0.06, 0.3, -1) == 0
+    assert nearest(points, lattice, 1.65, 0.06, 0.3, -1) == 1
 
 
-def test_a_wide_cloud_does_not_eat_the_memory() -> None:
-    points = np.array([[-1e6, 0.0], [0.0, 0.0], [1e6, 2e6], [0.3, 0.0]])
-    index = build(points, 0.2)
-    assert len(index[4]) <= MOST_CELLS + 1
-    assert nearest(points, index, 0.2, 0.0, 0.5) == 3
-    assert nearest(points, index, 1e6, 2e6, 0.5) == 2
+def test_an_empty_lattice_finds_nothing() -> None:
+    assert nearest(np.zeros((0, 2)), empty(0, 0.1, 8), 0.0, 0.0, 10.0, -1) == -1

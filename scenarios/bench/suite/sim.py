@@ -10,6 +10,7 @@ import pymunk
 
 from scenarios.bench.building import SEGMENTS, building, free_poses
 from scenarios.bench.figure import Call, Figure, seconds
+from scenarios.bench.measured import Asked, Measured
 from scenarios.catalogue import CATALOGUE
 from scenarios.stages import Stages
 from sim.driver import resample
@@ -38,13 +39,13 @@ class Case:
     note: str
 
 
-def run(stages: Stages) -> list[Figure]:
+def run(stages: Stages, asked: Asked) -> Measured:
     """All figures of the simulator, compilation excluded."""
     with stages.stage("rays"):
         figures = rays()
     with stages.stage("growth"):
         figures += growth()
-    return figures + drives(stages)
+    return Measured(figures + drives(stages))
 
 
 def rays() -> list[Figure]:

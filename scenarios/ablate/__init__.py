@@ -1,0 +1,1 @@
+"""Studies over many seeds and scenarios: what each ingredient is worth, with intervals."""

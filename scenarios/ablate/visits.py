@@ -1,0 +1,105 @@
+"""Two visits to one building: the second goes the other way round, and somebody may have moved the furniture."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from scenarios.catalogue.building import start
+from sim.driver import resample
+from sim.floorplan import Prism
+from sim.record import Buildable, Setup, SimulatedRun, drive, observe
+from slam import se2
+from slam.se2 import Array
+
+SHARE_MOVED = 0.5
+"""Of the pieces of furniture."""
+LARGEST = 2.5
+"""What is larger [m] nobody moves."""
+FARTHEST = 1.5
+"""A piece is moved by up to this [m]."""
+CLEARANCE = 0.45
+"""Kept between a moved piece and the route [m]."""
+TRIES = 12
+
+
+def visits(scenario: Buildable, seed: int, moved: bool) -> tuple[SimulatedRun, SimulatedRun]:
+    """A drive through a scenario, and one back along its route; between them half its furniture is ``moved``.
+
+    The same arguments give the same bytes.
+    """
+    rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode()), 2])
+    building, moving, *streams = rng.spawn(8)
+    first = scenario.build(building)
+    prisms = rearranged(first.world.prisms, resample(first.waypoints), moving) if moved else first.world.prisms
+    route = first.waypoints[::-1]
+    second = replace(
+        first, world=replace(first.world, prisms=prisms), waypoints=route, start=start(route)
+    )
+    return _visit(scenario.name, first, streams[:3]), _visit(scenario.name, second, streams[3:])
+
+
+def _visit(name: str, setup: Setup, streams: Sequence[np.random.Generator]) -> SimulatedRun:
+    driving, scanning, reckoning = streams
+    return observe(name, setup, drive(setup, driving), scanning, reckoning)
+
+
+def rearranged(prisms: tuple[Prism, ...], route: Array, rng: np.random.Generator) -> tuple[Prism, ...]:
+    """The same building with a share of its pieces of furniture moved and turned, within their rooms.
+
+    ``route (P, 2)`` m stays clear. A piece that finds no other place is carried out.
+    """
+    pieces = _pieces(prisms)
+    outlines = [_outline(prism) for prism in prisms]
+    new = list(prisms)
+    gone: set[int] = set()
+    for piece in pieces:
+        size = np.ptp(np.concatenate([prisms[k].footprint for k in piece]), axis=0).max()
+        if size > LARGEST or rng.random() > SHARE_MOVED:
+            continue
+        others = cKDTree(np.concatenate([o for k, o in enumerate(outlines) if k not in piece and k not in gone]))
+        found = _moved([prisms[k] for k in piece], others, cKDTree(route), rng)
+        for k, prism in zip(piece, found or [], strict=False):
+            new[k], outlines[k] = prism, _outline(prism)
+        gone.update([] if found else piece)
+    return tuple(prism for k, prism in enumerate(new) if k not in gone)
+
+
+def _pieces(prisms: tuple[Prism, ...]) -> list[list[int]]:
+    """Prisms of furniture that touch, seen from above, are one piece."""
+    rows = [k for k, prism in enumerate(prisms) if prism.kind == "furniture"]
+    if not rows:
+        return []
+    low = np.array([prisms[k].footprint.min(axis=0) for k in rows]) - 0.01
+    high = np.array([prisms[k].footprint.max(axis=0) for k in rows]) + 0.01
+    touch = np.all((low[:, None] <= high[None]) & (low[None] <= high[:, None]), axis=2)
+    _, label = connected_components(coo_array(touch), directed=False)
+    return [[rows[i] for i in np.flatnonzero(label == k)] for k in range(label.max() + 1)]
+
+
+def _outline(prism: Prism) -> Array:
+    return resample(np.vstack([prism.footprint, prism.footprint[:1]]), 0.1)
+
+
+def _moved(
+    piece: Sequence[Prism], others: cKDTree, route: cKDTree, rng: np.random.Generator
+) -> list[Prism] | None:
+    """The piece somewhere else in its room, or None where it finds no place."""
+    centre = np.concatenate([prism.footprint for prism in piece]).mean(axis=0)
+    for _ in range(TRIES):
+        shift, turn = rng.uniform(-FARTHEST, FARTHEST, 2), rng.choice([0.0, 0.5 * np.pi]) + rng.normal(0.0, 0.1)
+        T = se2.compose(np.array([*(centre + shift), turn]), np.array([*-centre, 0.0]))
+        placed = [replace(prism, footprint=se2.transform(T, prism.footprint)) for prism in piece]
+        outline = np.concatenate([_outline(prism) for prism in placed])
+        way = centre + np.linspace(0.0, 1.0, 20)[:, None] * shift
+        if min(others.query(outline)[0].min(), others.query(way)[0].min()) < 0.05:
+            continue
+        if route.query(outline)[0].min() > CLEARANCE:
+            return placed
+    return None

@@ -1,0 +1,108 @@
+"""Is a covariance what the errors are? Monte Carlo in a room, and in a corridor that is the same all along.
+
+181 beams over 180°, σ 0.01 m; the robot looks along x from one place and is then up to 0.2 m along each
+axis and 10° from there; guesses are off by 3 cm and 1.1° (standard deviations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenarios.bench.matching.bound import Efficiency, efficiency
+from scenarios.bench.matching.matchers import DEFAULT, Variant
+from scenarios.bench.matching.pairs import APART, Pair, look
+from scenarios.bench.matching.scores import ask, error
+from sim.laser import Raycaster
+from slam import se2
+from slam.matching import RAW_WSM, Match
+from slam.se2 import Array
+
+ROOM = np.array([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0]], dtype=float)
+CORRIDOR = np.array([[-60, -1.2, 60, -1.2], [-60, 1.2, 60, 1.2]])
+"""Walls ``(S, 4)`` m; the ends of the corridor are out of reach."""
+PLACES = {"room": (ROOM, np.array([2.2, 1.7, 0.0])), "corridor": (CORRIDOR, np.zeros(3))}
+"""Walls, and where the first scan is taken."""
+GUESS_SIGMA = np.array([0.03, 0.03, np.radians(1.1)])
+PAIRS = 150
+
+PLAIN = replace(DEFAULT, search_shift=0.0)
+"""The default without its searches, whose answers widen a covariance."""
+MODES = (
+    Variant("icp, joint", "icp", "joint"),
+    Variant("raw wsm, pfister_block", "wsm", "pfister_block", RAW_WSM),
+    Variant("wsm without search, pfister_block", "wsm", "pfister_block", PLAIN),
+    Variant("wsm without search, joint", "wsm", "joint", PLAIN),
+    Variant("wsm without search, p2l", "wsm", "p2l", PLAIN),
+    Variant("plicp, pfister_block", "plicp", "pfister_block"),
+    Variant("plicp, joint", "plicp", "joint"),
+    Variant("plicp, p2l", "plicp", "p2l"),
+)
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Matches of pairs from one place: ``errors (N, 3)`` and ``covariances (N, 3, 3)`` about the second pose,
+    along the world's axes."""
+
+    pairs: tuple[Pair, ...]
+    errors: Array
+    covariances: Array
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square errors ``(3,)`` m, m, rad."""
+        return np.sqrt(np.mean(self.errors**2, axis=0))
+
+    @property
+    def claimed(self) -> Array:
+        """Standard deviations ``(3,)`` that the covariances claim, the root of their mean variances."""
+        return np.sqrt(np.mean(np.diagonal(self.covariances, axis1=1, axis2=2), axis=0))
+
+    @property
+    def anees(self) -> float:
+        """Mean normalised squared error / 3; 1 is honest."""
+        solved = np.linalg.solve(self.covariances, self.errors[..., None])[..., 0]
+        return float(np.mean(np.sum(self.errors * solved, axis=1)) / 3.0)
+
+    def efficiency(self, walls: Array) -> Efficiency:
+        """How near the errors are to the Cramér–Rao bound."""
+        return efficiency(self.pairs, walls, self.errors)
+
+
+def pairs_at(place: str, count: int, rng: np.random.Generator) -> tuple[Pair, ...]:
+    """Pairs from a place of `PLACES`: the same first pose, every time with other noise and another second."""
+    walls, first = PLACES[place]
+    caster = Raycaster.from_segments(walls)
+    return tuple(
+        look(caster, np.stack([first, se2.compose(first, rng.uniform(-APART, APART))]), rng)
+        for _ in range(count)
+    )
+
+
+def trials(variant: Variant, pairs: Sequence[Pair], guesses: Array) -> Trials:
+    """Match all pairs. Pairs without an answer are left out."""
+    answers, _ = ask(variant.matcher, pairs, guesses)
+    matched = [(p, answer) for p, answer in zip(pairs, answers, strict=True) if isinstance(answer, Match)]
+    turns = np.array([turned(pair.poses[1, 2]) for pair, _ in matched]).reshape(-1, 3, 3)
+    errors = np.array([error(*found) for found in matched]).reshape(-1, 3)
+    covariances = np.array([answer.covariance for _, answer in matched]).reshape(-1, 3, 3)
+    return Trials(
+        tuple(pair for pair, _ in matched),
+        np.einsum("nij,nj->ni", turns, errors),
+        turns @ covariances @ np.swapaxes(turns, 1, 2),
+    )
+
+
+def seeded(pairs: Sequence[Pair], rng: np.random.Generator) -> Array:
+    """Guesses ``(N, 3)`` off by normal errors of `GUESS_SIGMA`."""
+    return np.array([pair.T_reference_scan for pair in pairs]) + rng.normal(0.0, GUESS_SIGMA, (len(pairs), 3))
+
+
+def turned(yaw: float) -> Array:
+    """Matrix ``(3, 3)`` from tangent vectors of a body that looks along ``yaw`` to the world's axes."""
+    R = np.eye(3)
+    R[:2, :2] = se2.rotation(yaw)
+    return R

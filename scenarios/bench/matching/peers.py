@@ -1,0 +1,113 @@
+"""Other people's matchers, where they are installed (extra ``[peers]``), on the same pairs.
+
+All look for partners within 1 m, as ours does at first, use one thread and no voxels, and stop by their own
+rules. They claim no covariance.
+
+``small_gicp GICP``: a planar scan has no extent across its plane: the regularised covariances of its points
+say nothing, and generalised ICP becomes ICP. So the points are put at three heights, 10 cm apart, and walls
+become patches of a plane; covariances from 20 neighbours; the answer's x, y and yaw count. Extruding counts
+as reading the ranges; preprocessing both clouds (covariances, tree) as part of the match.
+
+``small_gicp plane``: the same clouds, point to plane.
+
+``open3d point``: point to point on the planar points, at most 30 iterations, which is its default.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from scenarios.bench.matching.pairs import Pair
+from scenarios.bench.matching.scores import Answer, Matcher
+from slam import se2
+from slam.se2 import Array
+
+REACH = 1.0
+"""Largest distance [m] between partners."""
+LAYERS = 0.1
+"""Distance [m] between the three heights of an extruded scan."""
+NEIGHBOURS = 20
+VOXEL = 1e-3
+"""Finer than any two points are apart: no downsampling."""
+
+GICP, PLANE = "small_gicp GICP", "small_gicp plane"
+INSTALL = "not installed: pip install 'slamstitch[peers]'"
+
+
+def peers() -> dict[str, Matcher | str]:
+    """Matchers by name; for those that cannot be used, a line that says why."""
+    found: dict[str, Matcher | str] = {}
+    for module, made in (("small_gicp", _small_gicp), ("open3d", _open3d)):
+        if find_spec(module) is None:
+            found[module] = INSTALL
+            continue
+        try:
+            found |= made(import_module(module))
+        except ImportError as error:  # its wheel may need a library that the system lacks
+            found[module] = f"cannot be imported: {error}"
+    return found
+
+
+def _small_gicp(small_gicp: Any) -> dict[str, Matcher]:
+    def ready(cloud: Array) -> Any:
+        return small_gicp.preprocess_points(cloud, VOXEL, NEIGHBOURS, num_threads=1)
+
+    def matcher(kind: str) -> Matcher:
+        def answer(reference: Any, scan: Any, guess: Array) -> Answer:
+            (target, tree), (source, _) = reference, scan
+            found = small_gicp.align(
+                target, source, tree, to_space(guess),
+                registration_type=kind, max_correspondence_distance=REACH, num_threads=1,
+            )  # fmt: skip
+            return Answer(to_plane(found.T_target_source), None)
+
+        return Matcher(extruded, ready, answer)
+
+    return {GICP: matcher("GICP"), PLANE: matcher("PLANE_ICP")}
+
+
+def _open3d(open3d: Any) -> dict[str, Matcher]:
+    registration = open3d.pipelines.registration
+    point_to_point = registration.TransformationEstimationPointToPoint()
+
+    def given(pair: Pair, which: int) -> Any:
+        flat = points(pair, which)
+        flat = np.column_stack([flat, np.zeros(len(flat))])
+        return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(flat))
+
+    def answer(reference: Any, scan: Any, guess: Array) -> Answer:
+        found = registration.registration_icp(scan, reference, REACH, to_space(guess), point_to_point)
+        return Answer(to_plane(found.transformation), None)
+
+    return {"open3d point": Matcher(given, lambda cloud: cloud, answer)}
+
+
+def extruded(pair: Pair, which: int) -> Array:
+    """The points of one of the scans at three heights, ``(3 n, 3)`` m."""
+    flat = points(pair, which)
+    return np.column_stack([np.tile(flat, (3, 1)), np.repeat([-LAYERS, 0.0, LAYERS], len(flat))])
+
+
+def points(pair: Pair, which: int) -> Array:
+    """The points ``(n, 2)`` m of one of the scans in the robot's frame."""
+    ranges = pair.ranges[which]
+    seen = np.isfinite(ranges)
+    r, a = ranges[seen], pair.angles[seen]
+    return se2.transform(pair.laser.T_robot_laser, np.column_stack([r * np.cos(a), r * np.sin(a)]))
+
+
+def to_space(pose: Array) -> Array:
+    """Homogeneous matrix ``(4, 4)`` of a pose ``(3,)`` of the plane."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    T = np.eye(4)
+    T[:2, :2], T[:2, 3] = [[c, -s], [s, c]], pose[:2]
+    return T
+
+
+def to_plane(T: Array) -> Array:
+    """What a homogeneous matrix ``(4, 4)`` does in the plane, as a pose ``(3,)``."""
+    return np.array([T[0, 3], T[1, 3], np.arctan2(T[1, 0], T[0, 0])])

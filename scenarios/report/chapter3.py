@@ -1,0 +1,251 @@
+"""The worked examples of the report's third chapter (Formsma), drawn from shapes of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenarios.report import shapes
+from scenarios.report.style import BLACK, BLUE, FONT, GREY, VERMILLION, WIDTH, png
+from slam import se2
+from slam.se2 import Array
+from stitch import hough
+from stitch.config import AlignConfig
+from stitch.htms import DIRECTIONS, dominant_direction, four_hypotheses
+from stitch.pair import Pair, pair
+from stitch.result import Alternative, NoStitch
+from stitch.rotation import cross_correlation
+from stitch.translation import correlation_along, profile
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CONFIG = AlignConfig(method="htms", resolution=shapes.PIXEL)
+
+
+def run(out: Path) -> Path:
+    """Write the pictures, one PNG for each of `PICTURES`, into the folder ``out`` and return it."""
+    out.mkdir(parents=True, exist_ok=True)
+    pictures = {name: png(draw()) for name, draw in PICTURES.items()}
+    for name, data in pictures.items():
+        (out / f"{name}.png").write_bytes(data)
+    return out
+
+
+def lines() -> Figure:
+    """Figure 3.1: two lines and their Hough transform."""
+    points = shapes.points_on(shapes.lines())
+    figure, (left, right) = _panels(1, 2, 4.0)
+    _map(left, points, "two lines")
+    _transform(right, points, "their Hough transform: a line is a point, 0° is 180°")
+    return figure
+
+
+def rooms() -> Figure:
+    """Figure 3.2: rooms, Hough transform and spectrum."""
+    return _with_spectrum(shapes.points_on(shapes.rooms()), "rooms: two directions, 90° apart")
+
+
+def hexagons() -> Figure:
+    """Figure 3.3: a beehive, Hough transform and spectrum."""
+    return _with_spectrum(shapes.points_on(shapes.hexagons()), "a beehive: three directions, 60° apart")
+
+
+def rotation() -> Figure:
+    """Figure 3.4: lines, the same turned by 90°, and the cross-correlation of their spectra."""
+    points = shapes.points_on(shapes.lines())
+    spectrum, of_turned = (_spectrum(p) for p in (points, shapes.turned(points, np.pi / 2)))
+    figure, axes = _panels(3, 1, 6.0)
+    _curve(axes[0], spectrum, "Hough spectrum of the lines")
+    _curve(axes[1], of_turned, "of the lines turned by 90°")
+    _curve(
+        axes[2], cross_correlation(of_turned, spectrum), "cross-correlation: how far the lines were turned"
+    )
+    axes[2].set_xlabel("angle [°]", fontsize=FONT["label"])
+    return figure
+
+
+def profiles() -> Figure:
+    """Figures 3.5 and 3.6: X and Y spectra of a map along its walls, and of the same map turned by 20°."""
+    points = shapes.drawn(shapes.points_on(shapes.rooms())).grid.occupied_points()
+    figure = _figure(5.0)
+    parts = figure.subfigures(1, 2, squeeze=False).ravel()
+    for part, (yaw, title) in zip(parts, ((0.0, "along its walls"), (20.0, "turned by 20°")), strict=True):
+        axes = part.subplots(2, 2, width_ratios=[1, 3], height_ratios=[3, 1])
+        turned = shapes.turned(points, np.radians(yaw))
+        _map(axes[0, 1], turned, title)
+        (x, along_x), (y, along_y) = (_profile(turned[:, axis]) for axis in (0, 1))
+        axes[0, 0].plot(along_y, y, color=BLUE, linewidth=0.9)
+        axes[0, 0].set_ylabel("y [m]", fontsize=FONT["label"])
+        axes[0, 0].set_xlabel("Y spectrum [cells]", fontsize=FONT["label"])
+        axes[1, 1].plot(x, along_x, color=BLUE, linewidth=0.9)
+        axes[1, 1].set_xlabel("x [m]", fontsize=FONT["label"])
+        axes[1, 1].set_ylabel("X spectrum", fontsize=FONT["label"])
+        axes[1, 0].remove()
+        for ax in (axes[0, 0], axes[1, 1]):
+            ax.tick_params(labelsize=FONT["tick"])
+    return figure
+
+
+def cutout() -> Figure:
+    """Figures 3.7 and 3.8: the map and the cut-out, their spectra and the cross-correlation."""
+    maps = example()
+    figure = _figure(7.0)
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.1, 1.0]).ravel()
+    left, right = above.subplots(1, 2)
+    _map(left, maps.walls_a, "the map")
+    _map(right, maps.walls_b, "a cut-out in its own frame", VERMILLION)
+    spectrum_a, spectrum_b = maps.spectra(DIRECTIONS, split=False)
+    axes = below.subplots(1, 3)
+    _curve(axes[0], spectrum_a, "spectrum of the map")
+    _curve(axes[1], spectrum_b, "of the cut-out", VERMILLION)
+    correlation = cross_correlation(spectrum_a, spectrum_b)
+    _curve(axes[2], correlation, "cross-correlation", BLACK)
+    axes[2].set_ylim(0.0, 1.15 * correlation.max())
+    for name, found in zip(("θ₁", "θ₂"), four_hypotheses(maps)[::2], strict=True):
+        degrees = float(np.degrees(found.T_a_b[2])) % 180.0
+        height = correlation[round(degrees * DIRECTIONS / 180.0)]
+        axes[2].annotate(
+            f"{name} = {degrees:.0f}°", (degrees, height), (0, 4), textcoords="offset points",
+            ha="right" if degrees > 150.0 else "center",
+            fontsize=FONT["tick"], color=VERMILLION,
+        )  # fmt: skip
+    for ax in axes:
+        ax.set_xlabel("angle [°]", fontsize=FONT["label"])
+    return figure
+
+
+def translation() -> Figure:
+    """Figures 3.9 and 3.10: map and cut-out turned by the right hypothesis, X and Y spectra, correlations."""
+    maps = example()
+    right = min(four_hypotheses(maps), key=lambda found: distance_from_truth(found)[0])
+    direction = dominant_direction(maps.spectra(DIRECTIONS, split=False)[0])
+    turned_a = shapes.turned(maps.walls_a, -direction)
+    turned_b = shapes.turned(maps.walls_b, float(right.T_a_b[2]) - direction)
+    figure = _figure(8.5)
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 1.4]).ravel()
+    axes = above.subplots(1, 2)
+    φ, θ = np.degrees(direction), np.degrees(right.T_a_b[2])
+    _map(axes[0], turned_a, f"the map turned by -φ = {-φ:.0f}°")
+    _map(axes[1], turned_b, f"the cut-out turned by θ - φ = {θ - φ:.0f}°", VERMILLION)
+    grid = below.subplots(3, 2)
+    for axis, name in enumerate("XY"):
+        for row, (points, colour) in enumerate(((turned_a, BLUE), (turned_b, VERMILLION))):
+            grid[row, axis].plot(*_profile(points[:, axis]), color=colour, linewidth=0.9)
+        shifts, correlation = correlation_along(turned_a[:, axis], turned_b[:, axis], CONFIG.resolution)
+        best = shifts[np.argmax(correlation)]
+        grid[2, axis].plot(shifts, correlation, color=BLACK, linewidth=0.9)
+        grid[2, axis].axvline(best, color=VERMILLION, linestyle=":", linewidth=1.0)
+        for ax in grid[:, axis]:
+            ax.tick_params(labelsize=FONT["tick"])
+        grid[0, axis].set_title(f"{name} spectra", fontsize=FONT["title"], loc="left")
+        grid[2, axis].set_title(f"their correlation: {best:.2f} m", fontsize=FONT["title"], loc="left")
+        grid[2, axis].set_xlabel("shift of the cut-out [m]", fontsize=FONT["label"])
+    return figure
+
+
+def hypotheses() -> Figure:
+    """Figure 3.11: the four hypotheses; one is right."""
+    maps = example()
+    figure, axes = _panels(2, 2, 8.0)
+    names = ("θ₁", "θ₁ + 180°", "θ₂", "θ₂ + 180°")
+    for ax, name, found in zip(axes, names, four_hypotheses(maps), strict=True):
+        x, y, yaw = found.T_a_b
+        metres, degrees = distance_from_truth(found)
+        verdict = "right" if metres < 0.1 and degrees < 1.0 else f"{metres:.1f} m and {degrees:.0f}° off"
+        _map(ax, maps.walls_a, f"{name} = {np.degrees(yaw):.0f}°, t = ({x:.2f}, {y:.2f}) m: {verdict}")
+        moved = se2.transform(found.T_a_b, maps.walls_b)
+        ax.scatter(moved[:, 0], moved[:, 1], s=2.5, color=VERMILLION, linewidths=0)
+    return figure
+
+
+PICTURES: dict[str, Callable[[], Figure]] = {
+    picture.__name__: picture
+    for picture in (lines, rooms, hexagons, rotation, profiles, cutout, translation, hypotheses)
+}
+
+
+def example() -> Pair:
+    """The map of rooms and its cut-out (`scenarios.report.shapes.map_and_cutout`), ready to be stitched."""
+    maps = pair(*shapes.map_and_cutout(), CONFIG)
+    assert not isinstance(maps, NoStitch)
+    return maps
+
+
+def transform(points: Array) -> hough.Hough:
+    """The report's Hough transform of points ``(n, 2)`` m, once drawn on a grid."""
+    walls = shapes.drawn(points).grid.occupied_points()
+    return hough.transform(walls, DIRECTIONS, CONFIG.resolution, split=False)
+
+
+def distance_from_truth(found: Alternative) -> tuple[float, float]:
+    """How far a pose of the cut-out is from the true one: m, degrees."""
+    error = se2.between(shapes.T_MAP_CUTOUT, found.T_a_b)
+    return float(np.hypot(error[0], error[1])), float(np.degrees(abs(error[2])))
+
+
+def _with_spectrum(points: Array, title: str) -> Figure:
+    figure, axes = _panels(1, 3, 3.6)
+    _map(axes[0], points, title)
+    _transform(axes[1], points, "Hough transform")
+    _curve(axes[2], _spectrum(points), "Hough spectrum")
+    axes[2].set_xlabel("angle of the normal [°]", fontsize=FONT["label"])
+    return figure
+
+
+def _spectrum(points: Array) -> Array:
+    return hough.spectrum(transform(points))
+
+
+def _profile(coordinates: Array) -> tuple[Array, Array]:
+    counts, first = profile(coordinates, CONFIG.resolution)
+    return (first + np.arange(len(counts)) + 0.5) * CONFIG.resolution, counts
+
+
+def _figure(height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(WIDTH, height), layout="constrained")
+
+
+def _panels(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
+    figure = _figure(height)
+    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
+
+
+def _map(ax: Axes, points: Array, title: str, colour: str = BLUE) -> None:
+    ax.scatter(points[:, 0], points[:, 1], s=2.5, color=colour, linewidths=0)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_title(title, fontsize=FONT["title"], loc="left")
+    ax.tick_params(labelsize=FONT["tick"])
+
+
+def _transform(ax: Axes, points: Array, title: str) -> None:
+    """Votes, brightened so that the curves of single points show."""
+    found = transform(points)
+    top = found.first + found.resolution * found.votes.shape[1]
+    ax.imshow(
+        np.sqrt(found.votes.T), origin="lower", aspect="auto", cmap="magma", interpolation="nearest",
+        extent=(0.0, 180.0, found.first, top),
+    )  # fmt: skip
+    ax.set_title(title, fontsize=FONT["title"], loc="left")
+    ax.set_xlabel("angle of the normal [°]", fontsize=FONT["label"])
+    ax.set_ylabel("distance from the origin ρ [m]", fontsize=FONT["label"])
+    ax.tick_params(labelsize=FONT["tick"])
+
+
+def _curve(ax: Axes, values: Array, title: str, colour: str = BLUE) -> None:
+    """A circular signal over half a turn; its end is its beginning."""
+    ax.plot(
+        np.linspace(0.0, 180.0, len(values) + 1), np.append(values, values[0]), color=colour, linewidth=0.9
+    )
+    ax.set_xticks(np.arange(0, 181, 30))
+    ax.set_xlim(0.0, 180.0)
+    ax.set_ylim(bottom=0.0)
+    ax.grid(color=GREY, linewidth=0.4, alpha=0.6)
+    ax.set_title(title, fontsize=FONT["title"], loc="left")
+    ax.tick_params(labelsize=FONT["tick"])

@@ -1,0 +1,104 @@
+"""What a corridor leaves unknown: the errors of the Weighted Scan Matcher and what each covariance claims.
+
+The same experiment in a room and in a corridor. The closed-form covariances do not know that the matcher
+finds new pairs at every step, and claim millimetres along a corridor that says nothing there; ``p2l`` counts
+only what the walls' normals tell (Bonnabel et al. 2016).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scenarios.bench.matching.calibration import PLAIN, Trials, pairs_at, seeded, trials
+from scenarios.bench.matching.matchers import Variant
+from scenarios.report.style import BLACK, BLUE, FONT, SKY, VERMILLION, grid, png
+from slam.matching.config import CovarianceMode
+from slam.se2 import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PAIRS, SEED = 300, 0
+CHI2_95 = 5.991
+"""χ² of two degrees of freedom that 95 % stay under."""
+MODES: dict[CovarianceMode, tuple[str, str]] = {
+    "pfister_block": (VERMILLION, "--"),
+    "joint": (BLUE, "-."),
+    "p2l": (BLACK, "-"),
+}
+"""Colour and dash of each covariance mode's ellipse."""
+ACROSS = (-15.0, 27.0)
+"""Lower and upper end [mm] of every panel, with room for words above the ellipses."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A panel: a place, and half its width in a unit of so many metres."""
+
+    title: str
+    place: str
+    half: float
+    unit: str
+    metres: float
+
+
+VIEWS = (
+    View("room of 6 × 4 m", "room", 21.0, "mm", 1e-3),
+    View("corridor: all matches", "corridor", 150.0, "mm", 1e-3),
+    View("corridor: what p2l claims", "corridor", 3.0, "m", 1.0),
+)
+
+
+def run(out: Path) -> Path:
+    """Draw the picture into the file ``out``, a PNG; returns it. Raises ``OSError`` if that cannot be
+    written."""
+    found = {place: experiment(place) for place in ("room", "corridor")}
+    figure, axes = grid(len(VIEWS), len(VIEWS), 3.1, 2.6, 0.5, 0.0)
+    for ax, view in zip(axes, VIEWS, strict=True):
+        draw(ax, view, found[view.place])
+    axes[0].set_ylabel("error across, y [mm]", fontsize=FONT["label"])
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=4, fontsize=FONT["label"], frameon=False)
+    out.write_bytes(png(figure))
+    return out
+
+
+def experiment(place: str) -> dict[CovarianceMode, Trials]:
+    """The same pairs from one place, matched alike, with the covariance of every mode."""
+    rng = np.random.default_rng(SEED)
+    pairs = pairs_at(place, PAIRS, rng)
+    guesses = seeded(pairs, rng)
+    return {mode: trials(Variant("wsm", "wsm", mode, PLAIN), pairs, guesses) for mode in MODES}
+
+
+def draw(ax: Axes, view: View, found: dict[CovarianceMode, Trials]) -> None:
+    """The cloud of errors, the modes' ellipses of 95 %, and the share of the errors that each holds."""
+    errors = found["joint"].errors
+    ax.plot(errors[:, 0] / view.metres, 1e3 * errors[:, 1], ".", color=SKY, ms=4, label=f"{PAIRS} matches")
+    for k, (mode, (colour, dash)) in enumerate(MODES.items()):
+        x, y = ellipse(np.mean(found[mode].covariances, axis=0)[:2, :2])
+        ax.plot(x / view.metres, 1e3 * y, dash, color=colour, lw=1.8, label=f"{mode}, 95 %")
+        share = f"{mode} holds {100.0 * held(found[mode]):.0f} %"
+        ax.text(0.03, 0.97 - 0.07 * k, share, color=colour, transform=ax.transAxes, va="top",
+                fontsize=FONT["label"])  # fmt: skip
+    ax.set_xlim(-view.half, view.half)
+    ax.set_ylim(*ACROSS)
+    ax.set_title(view.title, fontsize=FONT["title"])
+    ax.set_xlabel(f"error along, x [{view.unit}]", fontsize=FONT["label"])
+
+
+def ellipse(covariance: Array) -> Array:
+    """Outline ``(2, K)`` of the ellipse of 95 % of ``covariance (2, 2)``."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    return np.sqrt(CHI2_95) * np.linalg.cholesky(covariance) @ np.stack([np.cos(turn), np.sin(turn)])
+
+
+def held(found: Trials) -> float:
+    """Share of the errors in x and y that the ellipse of their own covariance holds."""
+    errors = found.errors[:, :2]
+    solved = np.linalg.solve(found.covariances[:, :2, :2], errors[..., None])[..., 0]
+    return float(np.mean(np.sum(errors * solved, axis=1) <= CHI2_95))

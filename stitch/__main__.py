@@ -1,0 +1,209 @@
+"""python -m stitch a.yaml b.yaml -o merged: join ROS maps, tell how and how sure that is, or refuse."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from slam.cli import POSE, BadInput, Pose, Refused, main
+from stitch.config import AlignConfig, Method
+
+if TYPE_CHECKING:
+    from slam.se2 import Array
+    from slam.submap import Submap
+    from stitch.result import Prior
+
+COMMAND = "stitch"
+PRIOR_SIGMA = (1.0, 1.0, math.radians(10.0))
+
+
+@dataclass(frozen=True)
+class Options:
+    """Join two ROS maps: where the second lies in the frame of the first, how sure that is, both as one map.
+
+    Poses are x, y, yaw in m and rad. Exit code 0: joined; 2: bad input; 3: not sure enough, nothing written.
+    """
+
+    maps: Positional[Annotated[tuple[Path, ...], arg(metavar="A.yaml B.yaml", help_behavior_hint="")]] = ()
+    """Maps as map_server reads them (pgm or png); their resolutions may differ."""
+    out: Annotated[Path | None, arg(aliases=["-o"], metavar="NAME", help_behavior_hint="")] = None
+    """Write the merged map, in the frame of the first, to NAME.yaml and .pgm, and a picture to NAME.png."""
+    prior: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
+    """About where the second map lies in the frame of the first."""
+    prior_sigma: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
+    """Standard deviations of the prior (default: 1 1 0.1745)."""
+    all: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Join any number of maps; those that do not hang together with the first are left out."""
+    method: Annotated[Method, arg(help_behavior_hint="")] = "joint"
+    """Only joint, ours, says how sure it is; the others are there to compare."""
+    format: Annotated[Literal["text", "json"], arg(help_behavior_hint="")] = "text"
+    """What is printed on stdout; in JSON all angles are rad."""
+
+
+def run(options: Options) -> None:
+    """Read, align, tell, write."""
+    check(options)
+    submaps = read(options)
+    if options.all:
+        join_all(options, submaps)
+    else:
+        join_two(options, submaps[0], submaps[1])
+
+
+def check(options: Options) -> None:
+    """See that the options make sense together. Raises `BadInput`."""
+    count = len(options.maps)
+    if count < 2:
+        raise BadInput(f"expected two maps, NAME.yaml each, got {count}")
+    if count > 2 and not options.all:
+        raise BadInput(f"expected two maps, got {count}: with --all any number of them is joined")
+    for path in options.maps:
+        if path.suffix.lower() in (".pgm", ".png"):
+            raise BadInput(f"{path}: is an image, expected the map's yaml")
+    if options.prior_sigma and not options.prior:
+        raise BadInput("--prior-sigma is for a --prior: there is none")
+    if options.prior and options.all:
+        raise BadInput("--prior is for two maps, not for --all")
+    if options.all and options.method != "joint":
+        raise BadInput(f"--all asks how sure every stitch is: expected --method joint, got {options.method}")
+    if options.prior and abs(options.prior[2]) > 2.0 * math.pi:
+        raise BadInput(f"--prior: a yaw of {options.prior[2]:g} is more than a turn, expected radians")
+    if options.out:
+        from stitch import output
+
+        output.check(options.out)
+
+
+def read(options: Options) -> list[Submap]:
+    """The maps as submaps. Raises `BadInput`."""
+    from slam.formats import FormatError
+    from stitch import output
+    from stitch.maps import check_size, read_submap
+
+    try:
+        submaps = [read_submap(path) for path in options.maps]
+        check_size(submaps, config(options, submaps))
+        if options.out:
+            output.check_inputs(options.out, options.maps)
+    except FormatError as error:
+        raise BadInput(str(error)) from error
+    return submaps
+
+
+def config(options: Options, submaps: list[Submap]) -> AlignConfig:
+    """The settings of the method; a raster is never finer than the maps are."""
+    coarsest = max(submap.grid.resolution for submap in submaps)
+    default = AlignConfig()
+    return AlignConfig(
+        method=options.method,
+        resolution=max(default.resolution, coarsest),
+        search_resolution=max(default.search_resolution, coarsest),
+    )
+
+
+def join_two(options: Options, a: Submap, b: Submap) -> None:
+    """Stitch b to a. Raises `Refused` where that is not sure."""
+    import numpy as np
+
+    from stitch.align import NoStitch, Stitch, align
+    from stitch.answer import as_json, as_text, in_words
+    from stitch.frames import between_maps
+
+    name_a, name_b = map(str, options.maps)
+    answer = align(a, b, prior(options, a, b), config(options, [a, b]))
+    told = between_maps(a, b, answer)
+    written = []
+    if isinstance(told, Stitch):
+        written = write(options, [0, 1], [a, b], np.array([np.zeros(3), told.T_a_b]))
+    if options.format == "json":
+        print(json.dumps(as_json(told), indent=2))
+    if isinstance(told, NoStitch):
+        best = "" if told.best is None else f"; the best candidate was {in_words(told.best.T_a_b)}"
+        raise Refused(f"not sure: {told.reason}{best}")
+    if options.format == "text":
+        print(as_text(told, name_a, name_b), *written, sep="\n")
+
+
+def join_all(options: Options, submaps: list[Submap]) -> None:
+    """Stitch every pair and let a pose graph settle. Raises `Refused` where nothing joins the first map."""
+    from stitch.align import align
+    from stitch.answer import in_words, network_json
+    from stitch.frames import network_of_maps
+    from stitch.network import join
+    from stitch.table import print_pairs
+
+    names = [str(path) for path in options.maps]
+    settings = config(options, submaps)
+    network = join(len(submaps), lambda a, b: align(submaps[a], submaps[b], None, settings))
+    told, members = network_of_maps(submaps, network), network.members
+    written = write(options, members, submaps, told.poses) if len(members) > 1 else []
+    if options.format == "json":
+        print(json.dumps(network_json(told, names), indent=2))
+    else:
+        print_pairs(names, told.results, told.trusted)
+    if len(members) < 2:
+        raise Refused(f"not sure: no map could be joined to {names[0]}")
+    if options.format == "text":
+        places = [f"{names[k]}: {in_words(T)}" for k, T in zip(members, told.poses, strict=True)]
+        print(f"In the frame of {names[0]}:", *places, *written, sep="\n")
+    for k in sorted(set(range(len(names))) - set(members)):
+        print(f"{COMMAND}: {names[k]} is left out: it does not hang together with the first", file=sys.stderr)
+
+
+def prior(options: Options, a: Submap, b: Submap) -> Prior | None:
+    """What the user knows, between the submaps' anchors. Raises `BadInput`."""
+    import numpy as np
+
+    from stitch.frames import prior_between
+
+    if options.prior is None:
+        return None
+    try:
+        return prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
+    except ValueError as error:
+        raise BadInput(f"--prior-sigma: {error}") from error
+
+
+def write(options: Options, members: Sequence[int], submaps: list[Submap], poses: Array) -> list[Path]:
+    """Write the merged map and its picture, if asked for, and return the files.
+
+    ``poses (M, 3)`` are those of the maps ``members`` in the frame of the first map.
+    """
+    from slam import se2
+    from stitch import output, picture
+    from stitch.merge import canvas, merged, placed
+
+    if options.out is None:
+        return []
+    grids = [submaps[k].grid for k in members]
+    T_first = [
+        se2.between(submaps[0].anchor, se2.compose(T, submaps[k].anchor))
+        for k, T in zip(members, poses, strict=True)
+    ]
+    resolution = min(grid.resolution for grid in grids)
+    try:
+        onto = canvas(grids, T_first, resolution)
+    except ValueError as error:
+        raise BadInput(str(error)) from error
+    whole = merged([placed(grid, T, onto) for grid, T in zip(grids, T_first, strict=True)])
+    drawing = picture.draw(labels([options.maps[k] for k in members]), grids, T_first, resolution)
+    T_map_anchor = submaps[0].anchor
+    corner = se2.transform(T_map_anchor, whole.origin[None])[0]
+    return output.write(options.out, replace(whole, origin=corner), T_map_anchor[2], drawing)
+
+
+def labels(maps: Sequence[Path]) -> list[str]:
+    """Names for a legend: short where they differ."""
+    stems = [path.stem for path in maps]
+    return stems if len(set(stems)) == len(stems) else [str(path.with_suffix("")) for path in maps]
+
+
+if __name__ == "__main__":
+    sys.exit(main(Options, COMMAND, run))

@@ -1,0 +1,447 @@
+"""The bench of the matchers: pairs that are what they say, scores known by hand, the bound, the command."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from scenarios.bench import __main__ as command
+from scenarios.bench.matching import bound, calibration, cost, peers
+from scenarios.bench.matching import pairs as making
+from scenarios.bench.matching.matchers import ABLATION, OURS, VARIANTS, Variant
+from scenarios.bench.matching.scores import Answer, Matcher, measure, score, wilson
+from scenarios.bench.matching.speed import times
+from scenarios.bench.suite import matching as bench
+from scenarios.cli import BadInput, main
+from scenarios.report import corridor
+from sim.laser import Raycaster
+from slam import se2
+from slam.formats import recording_npz
+from slam.matching import Match, NoMatch
+from slam.recording import Recording
+
+
+@pytest.fixture(scope="module")
+def built() -> making.PairSet:
+    """A few simulated pairs."""
+    return making.simulated(12, np.random.default_rng(100))
+
+
+# Pairs
+
+
+def test_simulated_scans_are_what_is_seen_from_their_poses(built):
+    caster = Raycaster.from_segments(built.walls)
+    noise = np.concatenate([p.ranges - caster.cast(p.poses, making.ANGLES) for p in built.pairs])
+    assert np.nanstd(noise) == pytest.approx(0.01, rel=0.05)
+    assert abs(np.nanmean(noise)) < 0.001
+    assert not any(p.truth_covariance.any() for p in built.pairs)
+
+
+def test_the_second_simulated_pose_is_near_the_first_and_in_its_sight(built):
+    caster = Raycaster.from_segments(built.walls)
+    for pair in built.pairs:
+        T = pair.T_reference_scan
+        assert np.all(np.abs(T) <= making.APART)
+        np.testing.assert_allclose(se2.compose(pair.poses[0], T), pair.poses[1], atol=1e-12)
+        dx, dy = pair.poses[1, :2] - pair.poses[0, :2]
+        sight = caster.cast([[*pair.poses[0, :2], np.arctan2(dy, dx)]], np.zeros(1))[0, 0]
+        assert sight > np.hypot(dx, dy) + making.CLEARANCE
+
+
+def test_pairs_and_guesses_are_drawn_from_their_generator(built):
+    again = making.simulated(12, np.random.default_rng(100))
+    np.testing.assert_array_equal(again.pairs[5].ranges, built.pairs[5].ranges)
+    off = making.guesses(built.pairs * 20, making.HARD, np.random.default_rng(1))
+    off = off - np.array([p.T_reference_scan for p in built.pairs * 20])
+    assert np.all(np.abs(off) <= [0.5, 0.5, np.radians(25.0)])
+    assert np.all(np.abs(off).max(axis=0) > [0.45, 0.45, np.radians(22.0)])
+
+
+def test_rows_are_spread_evenly_from_first_to_last():
+    assert making.spread(np.arange(10, 20), 4).tolist() == [10, 13, 16, 19]
+    assert making.spread(np.arange(3), 4).tolist() == [0, 1, 2]
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """A data folder whose logs the project made: a drive in circles, standing still at times."""
+    data = tmp_path_factory.mktemp("data")
+    drive = cost.round_and_round(40, np.random.default_rng(0))
+    poses = drive.dead_reckoning.round(2)
+    poses[20:24] = poses[20]
+    attitude = np.zeros((40, 2))
+    attitude[30:, 0] = np.radians(11.0)  # fell over
+    for name, recording in (
+        (making.INTEL, drive),
+        (making.EXPERIMENT_1, replace(drive, truth=poses, attitude=attitude)),
+    ):
+        (data / name).parent.mkdir(parents=True)
+        recording_npz.write(data / name, recording)
+    rows = np.column_stack([drive.time, drive.dead_reckoning])
+    np.savetxt(data / making.INTEL_POSES, rows)
+    return data
+
+
+def test_intel_pairs_are_consecutive_scans_against_the_peers_poses(logs):
+    found = making.intel(logs, 100)
+    assert len(found) == 39
+    assert not found.pairs[7].truth_covariance.any()
+    step = 2.0 * np.pi / cost.LAP
+    for pair in found.pairs:
+        np.testing.assert_allclose(np.hypot(*pair.T_reference_scan[:2]), 2.0 * np.sin(step / 2), rtol=1e-9)
+        assert pair.T_reference_scan[2] == pytest.approx(step)
+    assert len(making.intel(logs, 5)) == 5
+
+
+def test_experiment_1_pairs_are_upright_and_moving(logs):
+    found = making.experiment_1(logs, 100)
+    assert len(found) == 26  # 29 steps before the fall, 3 of them standing
+    for pair in found.pairs:
+        assert np.any(np.abs(pair.T_reference_scan) > 0.005)
+    deviation = np.sqrt(np.diag(found.pairs[0].truth_covariance))
+    np.testing.assert_allclose(deviation, 0.01 / np.sqrt(6.0), rtol=0.02)  # two roundings
+
+
+def test_rounded_truth_scatters_as_its_covariance_says():
+    rng = np.random.default_rng(0)
+    T = np.array([0.8, 0.1, 0.3]) + rng.uniform(-0.02, 0.02, (4000, 3))
+    first = rng.uniform(-3.0, 3.0, (4000, 3))
+    rounded = se2.between(first.round(2), se2.compose(first, T).round(2))
+    errors = se2.log(se2.between(rounded, T))
+    recording = SimpleNamespace(ranges=np.zeros((2, 1)), angles=np.zeros(1), laser=making.LASER)
+    poses = np.array([[0.0, 0.0, 0.0], [0.8, 0.1, 0.3]])
+    claimed = making._logged(recording, poses, 1, 0.01).truth_covariance
+    np.testing.assert_allclose(np.cov(errors.T), claimed, atol=2e-6)
+
+
+def test_real_pairs_are_there(shared_data):
+    for found, count in ((making.intel(shared_data, 20), 20), (making.experiment_1(shared_data, 300), 299)):
+        assert len(found) == count
+        some = found.pairs[:20]
+        score = measure(OURS.matcher, some, np.array([p.T_reference_scan for p in some]))
+        assert score.success >= 0.8
+
+
+def test_absent_logs_are_a_reason(tmp_path):
+    for make in (making.intel, making.experiment_1):
+        assert "is not there (--data names the folder)" in make(tmp_path, 3)
+
+
+def test_logs_that_cannot_be_used_are_bad_input(logs, tmp_path, built):
+    drive = recording_npz.read(logs / making.INTEL)
+    (tmp_path / making.EXPERIMENT_1).parent.mkdir(parents=True)
+    recording_npz.write(tmp_path / making.EXPERIMENT_1, drive)
+    with pytest.raises(BadInput, match=r"Robot1.log.*true poses"):
+        bench.pair_sets(bench.Asked(3, 0, tmp_path), np.random.default_rng(0))
+
+
+# Scores
+
+
+def pair_at(T, truth_covariance=None) -> making.Pair:
+    """A pair of which only the true pose counts."""
+    covariance = np.zeros((3, 3)) if truth_covariance is None else truth_covariance
+    poses = np.array([[0.0, 0.0, 0.0], T])
+    return making.Pair(np.zeros((2, 1)), np.zeros(1), making.LASER, poses, covariance)
+
+
+SIGMA = np.diag([0.01, 0.01, 0.001]) ** 2
+
+
+def test_scores_known_by_hand():
+    truth = np.array([1.0, 2.0, 0.5 * np.pi])
+    pair = pair_at(truth)
+    answers = [
+        Answer(truth, SIGMA),  # exact: 0
+        Answer(se2.compose(truth, [0.03, 0.0, 0.0]), SIGMA),  # success, χ² 9
+        Answer(se2.compose(truth, [0.0, 0.2, 0.0]), SIGMA),  # silent failure, χ² 400
+        Answer(se2.compose(truth, [0.2, 0.0, 0.0]), 100.0 * SIGMA),  # covered failure, χ² 4
+        NoMatch("nothing there"),
+    ]
+    found = score([pair] * 5, answers, np.array([1.0, 2.0, 3.0, 4.0, 10.0]) * 1e-3)
+    assert found.success == pytest.approx(2 / 5)
+    assert found.silent == pytest.approx(1 / 5)
+    assert found.no_match == pytest.approx(1 / 5)
+    assert found.anees == pytest.approx((0 + 9 + 400 + 4) / 4 / 3)
+    assert found.anees_median == pytest.approx((4 + 9) / 2 / 2.366)
+    assert found.rms_m == pytest.approx(0.03 / np.sqrt(2.0))
+    assert found.rms_rad == pytest.approx(0.0, abs=1e-12)
+    assert (found.ms, found.ms_95) == (pytest.approx(3.0), pytest.approx(8.8))
+
+
+def test_a_turn_of_three_degrees_is_a_failure():
+    answer = Answer(np.array([0.0, 0.0, np.radians(3.0)]), SIGMA)
+    found = score([pair_at([0.0, 0.0, 0.0])], [answer], np.ones(1))
+    assert (found.success, found.silent) == (0.0, 1.0)
+    assert found.rms_m is None
+
+
+def test_the_error_is_in_the_body_frame_of_the_answer():
+    """Sure along the robot's x: an error there is not covered, one along its y is."""
+    truth, sure_along_x = np.array([0.0, 0.0, 0.5 * np.pi]), np.diag([0.01, 1.0, 1.0]) ** 2
+    for offset, silent in (([0.0, 0.3, 0.0], 1.0), ([0.3, 0.0, 0.0], 0.0)):  # the robot's x is the world's y
+        answer = Answer(truth + offset, sure_along_x)
+        assert score([pair_at(truth)], [answer], np.ones(1)).silent == silent
+
+
+def test_the_truths_own_uncertainty_counts():
+    answer = Answer(np.array([0.12, 0.0, 0.0]), SIGMA)
+    assert score([pair_at([0.0, 0.0, 0.0])], [answer], np.ones(1)).silent == 1.0
+    loose = score([pair_at([0.0, 0.0, 0.0], 15.0 * SIGMA)], [answer], np.ones(1))
+    assert loose.silent == 0.0
+    assert loose.anees == pytest.approx(144.0 / 16.0 / 3.0)
+
+
+def test_who_claims_no_covariance_is_not_scored_for_it():
+    found = score([pair_at([0.0, 0.0, 0.0])], [Answer(np.zeros(3), None)], np.ones(1))
+    assert (found.silent, found.anees, found.anees_median) == (None, None, None)
+
+
+def test_without_any_answer_there_is_nothing_to_average():
+    found = score([pair_at([0.0, 0.0, 0.0])], [NoMatch("no")], np.ones(1))
+    assert (found.success, found.no_match, found.silent, found.anees) == (0.0, 1.0, 0.0, None)
+
+
+def test_no_pairs_are_refused():
+    with pytest.raises(ValueError, match="at least one"):
+        score([], [], np.empty(0))
+
+
+@pytest.mark.parametrize(
+    ("successes", "low", "high"), [(0, 0.0, 0.2775), (5, 0.2366, 0.7634), (10, 0.7225, 1.0)]
+)
+def test_wilsons_interval_of_ten(successes, low, high):
+    assert wilson(successes, 10) == (pytest.approx(low, abs=1e-4), pytest.approx(high, abs=1e-4))
+
+
+def test_every_variant_answers(built):
+    truth = np.array([p.T_reference_scan for p in built.pairs[:2]])
+    names = [variant.name for variant in (*VARIANTS, *ABLATION)]
+    assert len(set(names)) == len(names)
+    for variant in (*VARIANTS, *ABLATION):
+        found = measure(variant.matcher, built.pairs[:2], truth)
+        assert found.no_match == 0.0
+        assert found.silent is not None
+
+
+# The bound
+
+
+def test_range_gradients_are_those_of_the_ray_caster(built):
+    caster, step = Raycaster.from_segments(built.walls), 1e-6
+    for pair in built.pairs[:4]:
+        pose = pair.poses[1]
+        ahead, behind = (
+            np.stack(
+                [caster.cast([se2.compose(pose, sign * axis)], making.ANGLES)[0] for axis in step * np.eye(3)]
+            )
+            for sign in (1.0, -1.0)
+        )
+        expected = (ahead - behind).T / (2.0 * step)
+        np.testing.assert_allclose(
+            bound.range_gradients(built.walls, pose, making.ANGLES), expected, atol=1e-6
+        )
+
+
+def test_rays_meet_the_walls_the_ray_caster_says(built):
+    pose = built.pairs[0].poses[0]
+    ranges, _ = bound.hits(built.walls, pose, pose[2] + making.ANGLES)
+    expected = Raycaster.from_segments(built.walls).cast([pose], making.ANGLES)[0]
+    np.testing.assert_allclose(ranges, expected, atol=1e-9)
+
+
+def test_only_what_both_scans_see_counts():
+    """Facing away from each other, two scans of half a circle share nothing; facing alike, everything."""
+    here = np.array([2.0, 2.0, 0.3])
+    walls = calibration.ROOM
+    alike = making.Pair(np.zeros((2, 181)), making.ANGLES, making.LASER, np.stack([here, here]))
+    everything = bound.fisher_information(
+        bound.range_gradients(walls, here, making.ANGLES), 0.01 * np.sqrt(2.0)
+    )
+    np.testing.assert_allclose(bound.pair_information(alike, walls), everything, rtol=1e-9)
+    away = replace(alike, poses=np.stack([se2.compose(here, [0.0, 0.0, np.pi - 0.02]), here]))
+    assert np.trace(bound.pair_information(away, walls)) < 0.05 * np.trace(everything)
+
+
+def test_errors_as_large_as_the_bound_are_efficient(built):
+    rng = np.random.default_rng(2)
+    pairs = built.pairs * 200
+    least = {id(p): np.linalg.inv(bound.pair_information(p, built.walls)) for p in built.pairs}
+    roots = {key: np.linalg.cholesky(covariance) for key, covariance in least.items()}
+    errors = np.array([roots[id(p)] @ rng.normal(size=3) for p in pairs])
+    found = bound.efficiency(pairs[:240], built.walls, errors[:240])
+    assert found.translation == pytest.approx(1.0, rel=0.25)
+    twice = bound.efficiency(pairs[:240], built.walls, 2.0 * errors[:240])
+    assert twice.translation == pytest.approx(found.translation / 4.0)
+    assert twice.rotation == pytest.approx(found.rotation / 4.0)
+
+
+# Calibration
+
+
+def test_trials_average_errors_and_claims():
+    errors = np.array([[0.03, 0.0, 0.0], [0.0, 0.04, 0.002]])
+    t = calibration.Trials((), errors, np.stack([SIGMA, 4.0 * SIGMA]))
+    np.testing.assert_allclose(t.rms, [0.03 / np.sqrt(2), 0.04 / np.sqrt(2), 0.002 / np.sqrt(2)])
+    np.testing.assert_allclose(t.claimed, np.sqrt(2.5) * np.array([0.01, 0.01, 0.001]))
+    assert t.anees == pytest.approx((9.0 + (16.0 + 4.0) / 4.0) / 2.0 / 3.0)
+
+
+def test_along_a_corridor_only_p2l_says_that_it_knows_nothing():
+    rng = np.random.default_rng(100)
+    pairs = calibration.pairs_at("corridor", 10, rng)
+    guesses = calibration.seeded(pairs, rng)
+    along = {
+        mode: calibration.trials(Variant("wsm", "wsm", mode, calibration.PLAIN), pairs, guesses).claimed[0]
+        for mode in ("joint", "pfister_block", "p2l")
+    }
+    assert along["p2l"] > 0.5
+    assert max(along["joint"], along["pfister_block"]) < 0.02
+
+
+def test_errors_are_turned_to_the_axes_of_the_world():
+    np.testing.assert_allclose(calibration.turned(0.5 * np.pi) @ [1.0, 0.0, 2.0], [0.0, 1.0, 2.0], atol=1e-12)
+
+
+# Peers, time and memory
+
+
+def test_peers_that_are_not_installed_say_how(monkeypatch):
+    monkeypatch.setattr(peers, "find_spec", lambda name: None)
+    assert peers.peers() == {"small_gicp": peers.INSTALL, "open3d": peers.INSTALL}
+
+
+def test_a_peer_that_cannot_be_imported_says_why(monkeypatch):
+    def broken(name):
+        raise ImportError("libusb-1.0.so.0: cannot open shared object file")
+
+    monkeypatch.setattr(peers, "find_spec", lambda name: object())
+    monkeypatch.setattr(peers, "import_module", broken)
+    assert "libusb" in peers.peers()["open3d"]
+
+
+def test_small_gicp_finds_what_it_should(built):
+    small_gicp = pytest.importorskip("small_gicp")
+    truth = np.array([p.T_reference_scan for p in built.pairs])
+    matcher = peers._small_gicp(small_gicp)[peers.GICP]
+    assert measure(matcher, built.pairs, truth).success == 1.0
+
+
+def test_points_of_peers_are_those_of_our_scans(built):
+    mounted = replace(built.pairs[0], laser=replace(making.LASER, T_robot_laser=np.array([0.1, 0.2, 0.3])))
+    np.testing.assert_allclose(peers.points(mounted, 1), mounted.scans[1].points, atol=1e-12)
+    space = peers.extruded(mounted, 1)
+    assert space.shape == (3 * len(mounted.scans[1]), 3)
+    assert set(space[:, 2]) == {-peers.LAYERS, 0.0, peers.LAYERS}
+
+
+def test_poses_of_the_plane_survive_space():
+    pose = np.array([1.0, -2.0, 0.7])
+    np.testing.assert_allclose(peers.to_plane(peers.to_space(pose)), pose)
+    x, y, z, _ = peers.to_space(pose) @ [1.0, 2.0, 3.0, 1.0]
+    np.testing.assert_allclose([[x, y]], se2.transform(pose, [[1.0, 2.0]]))
+    assert z == 3.0
+
+
+def test_what_is_ready_is_made_once_and_ranges_are_read_every_time(built):
+    made: list[str] = []
+    assert len(built.pairs[0].scans) == 2
+
+    def given(pair, which):
+        assert "scans" not in vars(pair)  # nothing read before the clock runs
+        made.append("given")
+        return which
+
+    def ready(which):
+        made.append("ready")
+        return which
+
+    def answer(reference, scan, guess):
+        made.append("answer")
+        return NoMatch(f"{reference}{scan}")
+
+    found = times({"a": Matcher(given, ready, answer)}, built.pairs[:1], np.zeros((1, 3)))
+    assert made == ["given", "given", "ready", "ready", "answer", "answer"]
+    assert 0.0 <= found["a"].scans <= found["a"].ranges
+
+
+def test_the_long_drive_returns_to_where_it_was():
+    drive = cost.round_and_round(2 * 40 * cost.LAP + 3, np.random.default_rng(0))
+    np.testing.assert_array_equal(drive.ranges[:3], drive.ranges[40 * cost.LAP : 40 * cost.LAP + 3])
+    np.testing.assert_allclose(drive.dead_reckoning[cost.LAP], drive.dead_reckoning[0], atol=1e-9)
+    assert isinstance(drive, Recording)
+
+
+# The command
+
+
+def run_small(monkeypatch, *words: str) -> int:
+    """The whole bench, as small as can be and without peers."""
+    monkeypatch.setattr(calibration, "PAIRS", 3)
+    for name, value in {
+        "PLACES": 2,
+        "MAP_SCANS": 3,
+        "MATCHES": 2,
+        "SHORT": 10,
+        "LONG": 20,
+        "RUNS": 1,
+    }.items():
+        monkeypatch.setattr(cost, name, value)
+    monkeypatch.setattr(peers, "find_spec", lambda name: None)
+    monkeypatch.setattr(sys, "argv", ["bench", "matching", "--pairs", "3", *words])
+    return main(command.Options, command.COMMAND, command.run)
+
+
+def test_json_has_every_score(monkeypatch, capsys, logs):
+    assert run_small(monkeypatch, "--data", str(logs), "--format", "json") == 0
+    result = json.loads(capsys.readouterr().out)
+    records = result["records"]["matching"]
+    rows = {(r["matcher"], r["data"], r["guesses"]): r for r in records["scores"]}
+    assert len(rows) == (len(VARIANTS) + len(ABLATION)) * 3 * 2
+    assert rows["plicp", "simulated", "easy"]["success"] == 1.0
+    assert rows["plicp", "simulated", "easy"]["pairs"] == 3
+    assert {r["place"] for r in records["calibration"]} == {"room", "corridor"}
+    assert {r["matcher"] for r in records["efficiency"]} == {variant.name for variant in VARIANTS}
+    assert all(r["scans_ratio"] is None for r in records["speed"])
+    figures = {f["name"]: f for f in result["benches"]["matching"]}
+    assert figures["front end, Intel"]["median"] > 0.0
+    assert figures["match against 20 scans"]["median"] > 0.0
+    assert "small_gicp: not installed: pip install 'slamstitch[peers]'" in result["notes"]["matching"]
+
+
+def test_without_logs_there_are_fewer_columns_and_a_line_for_each(monkeypatch, capsys, tmp_path):
+    assert run_small(monkeypatch, "--data", str(tmp_path)) == 0
+    out = capsys.readouterr().out
+    assert "easy: simulated" in out
+    assert "easy: Intel" not in out
+    assert sum("is not there (--data names the folder)" in line for line in out.splitlines()) == 2
+    assert max(map(len, (line.rstrip() for line in out.splitlines()))) <= 160
+
+
+# The picture
+
+
+def test_the_corridors_picture_is_a_png(monkeypatch, tmp_path):
+    monkeypatch.setattr(corridor, "PAIRS", 4)
+    out = corridor.run(tmp_path / "corridor.png")
+    assert out.read_bytes().startswith(b"\x89PNG")
+
+
+def test_ellipses_hold_95_percent():
+    rng = np.random.default_rng(0)
+    covariance = np.diag([4.0, 1.0, 1.0])
+    errors = rng.multivariate_normal(np.zeros(3), covariance, 2000)
+    found = calibration.Trials((), errors, np.broadcast_to(covariance, (2000, 3, 3)))
+    assert corridor.held(found) == pytest.approx(0.95, abs=0.015)
+    x, y = corridor.ellipse(covariance[:2, :2])
+    np.testing.assert_allclose(x**2 / 4.0 + y**2, corridor.CHI2_95)
+
+
+def test_answers_of_ours_are_matches(built):
+    assert isinstance(OURS.answer(*map(OURS.matcher.ready, built.pairs[0].scans), np.zeros(3)), Match)
