@@ -103,11 +103,7 @@ def track(
         if not _moved(recording, state.last, k, config):
             state.poses[k] = state.poses[state.last]
             continue
-        result = (
-            NoMatch("tilted")
-            if tilted[k]
-            else _match(recording, state, scans[k], k, seed, config)
-        )
+        result = NoMatch("tilted") if tilted[k] else _match(recording, state, scans[k], k, seed, config)
         _accept(recording, state, k, seed, result, config)
         if _extends(state, k, config) and (config.reference == "scan" or not tilted[k]):
             _extend(state, scans[k], k, config)

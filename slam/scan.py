@@ -18,7 +18,7 @@ LEAST_SIGMA = 0.01
 """Range noise [m] that points are given at least: below a centimetre uneven walls, a tilt nobody sees and
 quantisation count for more than what the laser's data sheet says."""
 
-SIGMA_ANGLE = 1e-3
+SIGMA_ANGLE = 5e-4
 """Standard deviation [rad] of a beam's direction."""
 
 
@@ -86,12 +86,13 @@ def _from_rows(ranges: Array, angles: Array, laser: Laser) -> list[Scan]:
     from slam.surface import read_surfaces
 
     spacing_angle = float(np.median(np.diff(angles))) if len(angles) > 1 else np.pi / 180.0
-    direction, tangent_sigma, covariance = read_surfaces(
+    direction, tangent_sigma, offset, covariance = read_surfaces(
         ranges, angles, spacing_angle, NEIGHBOURHOOD, max(laser.sigma_range, LEAST_SIGMA), SIGMA_ANGLE
     )
     points = ranges[..., None] * np.stack([np.cos(angles), np.sin(angles)], -1)
     tangents = np.stack([np.cos(direction), np.sin(direction)], -1)
     normals = np.stack([-tangents[..., 1], tangents[..., 0]], -1)
+    points -= np.where(np.isfinite(normals), offset[..., None] * normals, 0.0)
     normals *= np.where(np.sum(normals * points, axis=-1, keepdims=True) > 0.0, -1.0, 1.0)
     R = se2.rotation(laser.T_robot_laser[2])
     points = se2.transform(laser.T_robot_laser, points)

@@ -13,6 +13,9 @@ from numba import njit
 REACH = 12
 """Most neighbours looked at on either side of a beam."""
 
+SAME_LINE, SAME_DIRECTION = 0.15, 0.985
+"""Neighbours this near [m], with a tangent whose cosine with the point's own is larger, share its line."""
+
 NO_TANGENT_INCIDENCE = np.pi / 8.0
 """Grazing angle [rad] at which a point without a tangent gets its (isotropic) correspondence variance."""
 
@@ -86,6 +89,30 @@ def tangents_of_beams(points, spacing, radius, sigma):
 
 
 @njit(cache=True)
+def offsets_from_lines(points, direction, sigma):
+    """How far ``(B,)`` m each point lies off the line of its neighbours, along the line's left normal; 0
+    without a tangent.
+
+    ``points (B, 2)`` m in beam order with NaN rows, ``direction (B,)`` rad of the tangents. Neighbours are
+    those within `SAME_LINE` that have about the same tangent and lie within three
+    ``sigma`` m of the line.
+    """
+    offsets = np.zeros(len(points))
+    for i in range(len(points)):
+        if not np.isfinite(direction[i]):
+            continue
+        nx, ny = -np.sin(direction[i]), np.cos(direction[i])
+        total, count = 0.0, 0
+        for j in range(_window(points, i, SAME_LINE, -1), _window(points, i, SAME_LINE, 1) + 1):
+            off = nx * (points[j, 0] - points[i, 0]) + ny * (points[j, 1] - points[i, 1])
+            if abs(np.cos(direction[j] - direction[i])) > SAME_DIRECTION and abs(off) < 3.0 * sigma:
+                total += off
+                count += 1
+        offsets[i] = -total / count
+    return offsets
+
+
+@njit(cache=True)
 def correspondence_variance(distance, incidence, spacing_angle):
     """Variance [m²] along the surface of the offset between two samplings of it.
 
@@ -130,10 +157,10 @@ def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sig
 
 @njit(cache=True)
 def read_surfaces(ranges, angles, spacing_angle, radius, sigma_range, sigma_angle):
-    """Tangent directions and their deviations ``(N, B)`` rad and point covariances ``(N, B, 2, 2)`` m² of
-    N scans."""
+    """Tangent directions and their deviations ``(N, B)`` rad, distances from the neighbours' line ``(N, B)``
+    m and point covariances ``(N, B, 2, 2)`` m² of N scans."""
     shape = ranges.shape
-    direction, deviation = np.empty(shape), np.empty(shape)
+    direction, deviation, offset = np.empty(shape), np.empty(shape), np.empty(shape)
     covariance = np.empty((shape[0], shape[1], 2, 2))
     points = np.empty((shape[1], 2))
     for k in range(shape[0]):
@@ -142,7 +169,8 @@ def read_surfaces(ranges, angles, spacing_angle, radius, sigma_range, sigma_angl
             points[i, 1] = ranges[k, i] * np.sin(angles[i])
         spacing = ranges[k] * spacing_angle
         direction[k], deviation[k] = tangents_of_beams(points, spacing, radius, sigma_range)
+        offset[k] = offsets_from_lines(points, direction[k], sigma_range)
         covariance[k] = point_covariances(
             ranges[k], angles, direction[k], spacing_angle, sigma_range, sigma_angle
         )
-    return direction, deviation, covariance
+    return direction, deviation, offset, covariance

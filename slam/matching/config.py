@@ -20,11 +20,11 @@ class MatchConfig:
     """Settings of the matcher.
 
     ``levels`` are correspondence distances m, coarse to fine, each with the stride of the scan's points used
-    there (2: every second); ``robust`` the χ² at which a pair's weight has halved; ``mutual`` asks for mutual nearest
-    neighbours; ``oriented`` tells both faces of a thin wall apart; ``fade`` is the mean information below
-    which a direction fades out (0: never); ``freeze_ratio`` of the strongest direction below which one is
-    frozen; ``least_pairs`` the pairs an answer needs; ``sigma`` m weighs ICP's pairs; ``length`` m that a
-    radian counts for. ``solver`` is the joint Gauss–Newton step or Pfister's alternating one.
+    there (2: every second); ``robust`` the χ² at which a pair's weight has halved; ``mutual`` asks for
+    mutual nearest neighbours at the last level; ``oriented`` tells both faces of a thin wall apart; ``fade``
+    is the mean information below which a direction fades out (0: never); ``freeze_ratio`` of the strongest
+    direction below which one is frozen; ``least_pairs`` the pairs an answer needs; ``sigma`` m weighs ICP's
+    pairs; ``length`` m that a radian counts for; ``solver`` is the joint Gauss–Newton step or Pfister's alternating one.
 
     Where the answer found first fits badly, or leaves a direction open, others are tried within
     ``search_shift`` m and ``search_turn`` rad of the guess (0: never): badly means under ``least_share`` of
@@ -32,7 +32,7 @@ class MatchConfig:
     ``open_direction``. Another answer is taken when its misfit, summed, is less by ``margin``.
     """
 
-    levels: tuple[tuple[float, int], ...] = ((1.0, 2), (0.3, 1))
+    levels: tuple[tuple[float, int], ...] = ((1.0, 2), (0.3, 2), (0.1, 1))
     robust: float = 9.0
     mutual: bool = False
     oriented: bool = True
@@ -48,7 +48,7 @@ class MatchConfig:
     least_share: float = 0.6
     most_misfit: float = 2.5
     open_direction: float = 10.0
-    margin: float = 8.0
+    margin: float = 12.0
 
     def __post_init__(self) -> None:
         if not self.levels or not all(radius > 0.0 and stride >= 1 for radius, stride in self.levels):

@@ -58,7 +58,7 @@ def pfister_block(reference, scan, pairs, pose):
     made with the first pair's W: overconfident or not by chance, and often indefinite, as the published
     covariances are. NaN without pairs.
     """
-    points, normals, covariance, _ = reference
+    _, normals, covariance, _ = reference
     scan_points, scan_normals, scan_covariance, _ = scan
     c, s = np.cos(pose[2]), np.sin(pose[2])
     A, first_W, WJp = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(2)
@@ -70,7 +70,9 @@ def pfister_block(reference, scan, pairs, pose):
         pair = pair_covariance(covariance[j], scan_covariance[i], c, s)
         xx, xy, yy = pair_weight(WSM, normals[j], scan_normals[i], pair, c, s, 1.0, True)
         W = np.array([[xx, xy], [xy, yy]])
-        h = np.array([-s * scan_points[i, 0] - c * scan_points[i, 1], c * scan_points[i, 0] - s * scan_points[i, 1]])
+        h = np.array(
+            [-s * scan_points[i, 0] - c * scan_points[i, 1], c * scan_points[i, 0] - s * scan_points[i, 1]]
+        )
         A += W
         WJp += W @ h
         Jp += h
@@ -104,9 +106,7 @@ def floored_inverse(information):
 
 
 @njit(cache=True)
-def body_covariance(
-    mode, reference, scan, pairs, pose, information, prior, spread, robust, length
-):
+def body_covariance(mode, reference, scan, pairs, pose, information, prior, spread, robust, length):
     """Covariance (3, 3) in the body frame of the scan, and the eigenvalues (3,) of the information it is
     made of, with yaw scaled by ``length`` m.
 

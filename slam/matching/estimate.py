@@ -16,6 +16,9 @@ CANDIDATES = 5
 STEP, MOST_STEPS = 0.1, 4
 """Starts along an open direction, to either side [m, or rad times the length]."""
 
+SAME_SCAN = 1e-3
+"""Misfit of a scan with itself: below it, noise and all, the robot stood still and saw the same points."""
+
 SHARED = 10.0
 """Points that share one error: how much less a difference of misfits says than if points were independent."""
 
@@ -27,12 +30,13 @@ def estimate(method, reference, scan, guess, prior, descent, levels, search, sti
 
     ``reference`` and ``scan`` are indexed clouds, ``prior (3, 3)`` information about the guess; ``descent``,
     ``levels`` and ``search`` those of `slam.matching.config.MatchConfig`. ``still`` also tries the identity:
-    a robot at rest sees the same points again. The spread is that of the other answers about the best, by
+    a robot at rest may log the same points again. The spread is that of the other answers about the best, by
     their likelihoods: additive errors in the reference frame.
     """
     shift, turn, least_share, most_misfit, open_direction, margin = search
     pairs = np.full(len(scan[0][0]), -1, np.int64)
     answer = descend(method, reference, scan, guess, guess, prior, descent, levels, pairs)
+    fine = levels[min(1, len(levels) - 1) :]  # another answer starts nearer than the guess
     poses, costs = np.empty((0, 3)), np.empty(0)
     fits = misfit(reference[0], scan[0], pairs, answer[0])
     if shift <= 0.0:
@@ -41,15 +45,19 @@ def estimate(method, reference, scan, guess, prior, descent, levels, search, sti
         scores = correlate(reference[0][0], thinned(scan[0][0]), guess, shift, turn)
         starts = best_apart(scores, guess, CANDIDATES)
         answer, pairs, poses, costs = _compare(
-            method, reference, scan, starts, guess, prior, descent, levels, margin, answer, pairs, poses, costs
+            method, reference, scan, starts, guess, prior, descent, fine, margin, answer, pairs, poses, costs
         )
     starts = _open_starts(reference, scan, answer, pairs, prior, descent, open_direction, shift)
     if len(starts) > 0:
-        if still and np.hypot(guess[0], guess[1]) < shift and abs(guess[2]) < turn:
-            starts = np.concatenate((starts, np.zeros((1, 3))))
         answer, pairs, poses, costs = _compare(
-            method, reference, scan, starts, guess, prior, descent, levels, margin, answer, pairs, poses, costs
+            method, reference, scan, starts, guess, prior, descent, fine, margin, answer, pairs, poses, costs
         )
+        if still and np.hypot(guess[0], guess[1]) < shift and abs(guess[2]) < turn:
+            others = np.full(len(pairs), -1, np.int64)
+            rest = np.zeros(3)
+            other = descend(method, reference, scan, rest, rest, prior, descent, fine[-1:], others)
+            if misfit(reference[0], scan[0], others, other[0]) < SAME_SCAN:
+                answer, pairs = other, others
     fits = misfit(reference[0], scan[0], pairs, answer[0])
     best = _total(reference, scan, pairs, answer[0], guess, prior)
     return answer, pairs, fits, _spread(poses, costs, answer[0], best), 1 + len(poses)
@@ -71,7 +79,7 @@ def _compare(
     found, totals = np.empty((len(starts), 3)), np.full(len(starts), np.inf)
     for k in range(len(starts)):
         others = np.full(len(pairs), -1, np.int64)
-        other = descend(method, reference, scan, starts[k], guess, prior, descent, levels[-1:], others)
+        other = descend(method, reference, scan, starts[k], guess, prior, descent, levels, others)
         found[k] = other[0]
         totals[k] = _total(reference, scan, others, other[0], guess, prior)
         if totals[k] < best - margin:

@@ -71,9 +71,6 @@ def pair_weight(method, normal, scan_normal, covariance, c, s, sigma, oriented):
         determinant = xx * yy - xy * xy
         return yy / determinant, -xy / determinant, xx / determinant
     nx, ny = normal
-    if not (np.isfinite(nx) and np.isfinite(scan_normal[0])):
-        determinant = xx * yy - xy * xy
-        return yy / determinant, -xy / determinant, xx / determinant
     facing = nx * (c * scan_normal[0] - s * scan_normal[1]) + ny * (s * scan_normal[0] + c * scan_normal[1])
     if not (facing if oriented else abs(facing)) > SIDE_COSINE:
         return 0.0, 0.0, 0.0
@@ -154,7 +151,7 @@ def solve_good_directions(information, gradient, length, ratio):
     step = np.zeros(3)
     for k in range(3):
         if values[k] > ratio * values[2] and values[k] > 0.0:
-            step += vectors[:, k] * (np.dot(vectors[:, k], gradient * scale) / values[k])
+            step += vectors[:, k] * (np.sum(vectors[:, k] * gradient * scale) / values[k])
     return step * scale
 
 

@@ -49,8 +49,8 @@ def match(
     prior = NO_PRIOR if prior_information is None else np.asarray(prior_information, dtype=np.float64)
     number = {"wsm": WSM, "icp": ICP, "plicp": PLICP}[method]
     answer, fits, body, eigenvalues, tried = solve(
-        number, COVARIANCES.index(covariance), config.solver == "alternating", reference.indexed, scan.indexed,
-        guess, prior, config.descent, config.level_table, _window(config, prior),
+        number, COVARIANCES.index(covariance), config.solver == "alternating", reference.indexed,
+        scan.indexed, guess, prior, config.descent, config.level_table, _window(config, prior),
         isinstance(reference, Reference),
     )  # fmt: skip
     pose, information, used, cost, iterations, converged = answer

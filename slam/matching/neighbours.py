@@ -80,7 +80,7 @@ def nearest(points, lattice, x, y, radius, hint):
         reach = side
         low, high, left, right = row, row + side - 1, column, column + side - 1
     for ring in range(reach + 1):
-        if ((ring - 1) * cell) ** 2 >= best_square and 1 < ring and reach < side:
+        if ((ring - 1) * cell) ** 2 >= best_square and ring > 1 and reach < side:
             break
         for r in range(max(row - ring, low), min(row + ring, high) + 1):
             dy = max(r * cell - y, y - (r + 1) * cell, 0.0)

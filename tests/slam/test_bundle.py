@@ -140,7 +140,9 @@ def test_pairs_carry_the_information_of_a_match_less_what_neighbouring_points_sh
     recording = record(room, truth, astray(truth))
     scans, before = scans_of(recording), backbone(recording)
     graph = adjust(scans, before, all_of(recording), QUICK)
-    config = MatchConfig(radii=QUICK.radii[-1:], mutual=False, fade=QUICK.fade, robust=QUICK.robust)
+    config = MatchConfig(
+        levels=((QUICK.radii[-1], 1),), fade=QUICK.fade, robust=QUICK.robust, search_shift=0.0
+    )
     for k in range(len(before.edges), len(graph.edges), 10):
         i, j = graph.edges[k]
         alone = match(scans[i], scans[j], graph.T_ij[k], "plicp", config=config)

@@ -74,5 +74,5 @@ def test_nothing_to_match(scans: list[Scan]) -> None:
     local = LocalMap(most_scans=2)
     local.add(blind, POSES[0])
     assert len(local) == 0
-    with pytest.raises(ValueError, match="^most_scans: expected"):
+    with pytest.raises(ValueError, match=r"^most_scans: expected"):
         LocalMap(most_scans=0)

@@ -17,6 +17,7 @@ METHODS = ("wsm", "icp", "plicp")
 FROM = np.array([2.0, 2.5, 0.3])
 MOVED = np.array([0.15, -0.08, 0.06])
 SEED_ERROR = np.array([0.03, -0.03, np.radians(1.1)])
+ONE_LEVEL = MatchConfig(levels=((0.5, 1),), search_shift=0.0)
 
 Look = Callable[..., Scan]
 
@@ -103,8 +104,8 @@ def test_what_a_match_carries(room: Array, look: Look, method: str, covariance: 
 
 def test_residuals_are_what_the_covariances_expect(room: Array, look: Look) -> None:
     rms = [found(*pair(look, room, seed), MOVED, "wsm").residual_rms for seed in range(10)]
-    # About 1 if nearest neighbours were random; they are the nearest, so a little less.
-    assert 0.5 < np.mean(rms) < 1.1
+    # About 1 if nearest neighbours were random and points not drawn to their neighbours' line; they are.
+    assert 0.35 < np.mean(rms) < 1.1
 
 
 # Nothing is a value
@@ -115,7 +116,7 @@ def test_no_match_says_why(room: Array, look: Look) -> None:
     far = match(reference, scan, np.array([50.0, 0.0, 0.0]))
     assert isinstance(far, NoMatch)
     assert far.n_matches == 0
-    assert "0 pairs within 0.3 m" in far.reason
+    assert "0 pairs within 0.1 m" in far.reason
     few = match(reference, scan, MOVED, config=MatchConfig(least_pairs=1000))
     assert isinstance(few, NoMatch)
     assert few.n_matches > 100
@@ -157,7 +158,14 @@ def test_a_prior_decides_where_the_walls_do_not(corridor: Array, room: Array, lo
     rng = np.random.default_rng(4)
     reference, scan = (look(corridor, np.array([x, 0.0, 0.0]), rng) for x in (0.0, 0.1))
     guess = np.array([0.1, 0.03, 0.0])
-    result = found(reference, scan, guess, "plicp", prior_information=prior, config=MatchConfig(fade=0.02, search_shift=0.0))
+    result = found(
+        reference,
+        scan,
+        guess,
+        "plicp",
+        prior_information=prior,
+        config=MatchConfig(fade=0.02, search_shift=0.0),
+    )
     assert result.T_reference_scan[0] == pytest.approx(0.1, abs=0.005)
     assert abs(result.T_reference_scan[1]) < 0.01
     assert np.sqrt(result.covariance[0, 0]) == pytest.approx(0.01, rel=0.2)
@@ -184,7 +192,8 @@ def test_robust_weights_resist_a_moved_cupboard(room: Array, look: Look) -> None
     moved = Scan(points, scan.tangents, scan.normals, scan.covariance, scan.tangent_sigma, scan.beams)
     error = {
         robust: np.linalg.norm(
-            found(reference, moved, MOVED, config=MatchConfig(robust=robust)).T_reference_scan[:2] - MOVED[:2]
+            found(reference, moved, MOVED, config=replace(ONE_LEVEL, robust=robust)).T_reference_scan[:2]
+            - MOVED[:2]
         )
         for robust in (9.0, 1e12)
     }
@@ -234,9 +243,9 @@ def test_another_sensors_bias_is_taken_off(room: Array, look: Look) -> None:
 
 def test_levels_are_checked() -> None:
     for levels in ((), ((0.0, 1),), ((0.5, 0),)):
-        with pytest.raises(ValueError, match="^levels: expected"):
+        with pytest.raises(ValueError, match=r"^levels: expected"):
             MatchConfig(levels=levels)
-    with pytest.raises(ValueError, match="^solver: expected"):
+    with pytest.raises(ValueError, match=r"^solver: expected"):
         MatchConfig(solver="newton")  # type: ignore[arg-type]
 
 

@@ -25,7 +25,13 @@ def slowly(points: Array, x: float, y: float, radius: float) -> float:
 
 
 def assert_found(
-    points: Array, lattice: tuple, x: float, y: float, radius: float, hint: int = -1, gone: slice = slice(0, 0)
+    points: Array,
+    lattice: tuple,
+    x: float,
+    y: float,
+    radius: float,
+    hint: int = -1,
+    gone: slice = slice(0, 0),
 ) -> None:
     row = nearest(points, lattice, x, y, radius, hint)
     found = float(np.hypot(*(points[row] - [x, y]))) if row >= 0 else np.inf

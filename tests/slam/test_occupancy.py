@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+from slam import se2
 from slam.occupancy import Grid, draw
 from slam.raytrace import count
 from slam.recording import Laser
@@ -98,6 +99,58 @@ def test_a_wall_survives_grazing_beams() -> None:
     wall = grid.occupied[int((1.03 - grid.origin[1]) / 0.05)]
     x = grid.origin[0] + (np.arange(len(wall)) + 0.5) * 0.05
     assert wall[(x > 2.5) & (x < 8.0)].mean() > 0.95
+
+
+@pytest.mark.parametrize("slope", [0.0, 1e-12, 1e-4, 0.01, 0.05, 1.0, 1.0 + 1e-12])
+@pytest.mark.parametrize("offset", [0.0, 1e-12, 0.25])
+def test_a_grazing_ray_passes_only_cells_it_touches(slope: float, offset: float) -> None:
+    """Along borders, through corners and nearly so: against a twin that asks each cell if it is touched.
+
+    A ray on a border belongs to one of its two sides; it must not jump to a third.
+    """
+    start = np.array([2.0, 3.0 + offset])
+    for turn in range(4):
+        c, s = round(np.cos(turn * np.pi / 2)), round(np.sin(turn * np.pi / 2))
+        along = np.array([[c, -s], [s, c]]) @ np.array([17.3, 17.3 * slope])
+        origin, end = start + 20.0, start + 20.0 + along
+        hits, passes = count(origin[None], end[None, None], np.zeros(2), (50, 50))
+        touched = _touched(origin, end, 50)
+        assert not np.any((passes + hits > 0) & ~touched)
+        steps = np.abs(np.floor(end) - np.floor(origin)).sum()
+        assert passes.sum() == steps
+        assert hits[int(end[1]), int(end[0])] == 1
+
+
+def _touched(a: np.ndarray, b: np.ndarray, size: int) -> np.ndarray:
+    """Cells whose closed square the segment from a to b meets, within rounding."""
+    low = np.stack(np.meshgrid(np.arange(size), np.arange(size)), -1).astype(float)
+    enter, leave = np.zeros((size, size)), np.ones((size, size))
+    for axis in (0, 1):
+        step = b[axis] - a[axis]
+        near, far = low[..., axis] - 1e-9 - a[axis], low[..., axis] + 1.0 + 1e-9 - a[axis]
+        if abs(step) < 1e-300:
+            leave = np.where((near > 0.0) | (far < 0.0), -1.0, leave)
+            continue
+        first, last = np.minimum(near / step, far / step), np.maximum(near / step, far / step)
+        enter, leave = np.maximum(enter, first), np.minimum(leave, last)
+    return enter <= leave
+
+
+def test_nothing_is_free_behind_a_wall_seen_at_grazing_incidence() -> None:
+    """A bare corridor, askew to the grid, seen along its length with beams down to 0.2° off its walls."""
+    corridor = np.array([0.0, 0.0, np.radians(7.3)])
+    half = 1.013
+    x = np.linspace(0.0, 6.0, 40)
+    local = np.column_stack([x, 0.9 * half * np.sin(3.0 * x), np.zeros(40)])
+    beams = np.radians(np.concatenate([np.arange(-60.0, -0.1, 0.2), np.arange(0.2, 60.1, 0.2)]))
+    ranges = (np.sign(beams) * half - local[:, 1:2]) / np.sin(beams)
+    grid = draw(se2.compose(corridor, local), ranges, beams, LASER, 0.05)
+    rows, columns = np.nonzero(grid.free)
+    centres = grid.origin + (np.stack([columns, rows], -1) + 0.5) * grid.resolution
+    beyond = np.abs(se2.transform(se2.inverse(corridor), centres)[:, 1]) - half
+    assert beyond.max() < 0.05 * np.sqrt(0.5)  # a cell that reaches into the corridor, no farther
+    walls = se2.transform(se2.inverse(corridor), grid.occupied_points())
+    assert np.abs(np.abs(walls[:, 1]) - half).max() < 0.05
 
 
 def test_what_has_moved_away_is_free() -> None:

@@ -26,7 +26,8 @@ def test_twin() -> None:
 
 
 @pytest.mark.parametrize(
-    "matrix", [np.zeros((3, 3)), np.eye(3), np.diag([3.0, 1.0, 2.0]), np.ones((3, 3)), -np.diag([1.0, 1.0, 5.0])]
+    "matrix",
+    [np.zeros((3, 3)), np.eye(3), np.diag([3.0, 1.0, 2.0]), np.ones((3, 3)), -np.diag([1.0, 1.0, 5.0])],
 )
 def test_repeated_and_ordered_eigenvalues(matrix: Array) -> None:
     assert_decomposed(matrix)
