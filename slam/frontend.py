@@ -13,7 +13,7 @@ from slam.calibration import Calibration
 from slam.matching import RAW_WSM, LocalMap, Match, MatchConfig, NoMatch, Reference, match
 from slam.matching.config import CovarianceMode, Method
 from slam.recording import Recording
-from slam.scan import Scan, scans_of
+from slam.scan import Scan, stream
 from slam.se2 import Array
 from slam.track import Track, Verdict
 
@@ -94,19 +94,20 @@ def track(
 
     ``scans`` are those of the recording, for a caller who has them already.
     """
-    scans = scans_of(recording) if scans is None else scans
     tilted = tilted_scans(recording, config.tilt_limit)
     state = _start(recording, config)
-    _extend(state, scans[0], 0, config)
-    for k in range(1, len(recording)):
+    for k, scan in enumerate(stream(recording) if scans is None else scans):
+        if k == 0:
+            _extend(state, scan, 0, config)
+            continue
         seed = _seed(recording, state, k, config)
         if not _moved(recording, state.last, k, config):
             state.poses[k] = state.poses[state.last]
             continue
-        result = NoMatch("tilted") if tilted[k] else _match(recording, state, scans[k], k, seed, config)
+        result = NoMatch("tilted") if tilted[k] else _match(recording, state, scan, k, seed, config)
         _accept(recording, state, k, seed, result, config)
         if _extends(state, k, config) and (config.reference == "scan" or not tilted[k]):
-            _extend(state, scans[k], k, config)
+            _extend(state, scan, k, config)
     return _finish(state)
 
 

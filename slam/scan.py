@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,9 @@ NEIGHBOURHOOD = 0.3
 LEAST_SIGMA = 0.01
 """Range noise [m] that points are given at least: below a centimetre uneven walls, a tilt nobody sees and
 quantisation count for more than what the laser's data sheet says."""
+
+BLOCK = 256
+"""Scans that are made of their ranges at once: the arithmetic is a fraction of the calls."""
 
 SIGMA_ANGLE = 5e-4
 """Standard deviation [rad] of a beam's direction."""
@@ -75,14 +78,19 @@ class Scan:
         return Scan(*(getattr(self, name)[rows] for name in type(self).__annotations__))
 
 
+def stream(recording: Recording) -> Iterator[Scan]:
+    """Every scan of a recording in the robot's frame, one after the other, a block of them in memory."""
+    for start in range(0, len(recording), BLOCK):
+        yield from _from_rows(recording.ranges[start : start + BLOCK], recording.angles, recording.laser)
+
+
 def scans_of(recording: Recording) -> list[Scan]:
     """Every scan of a recording in the robot's frame."""
-    return _from_rows(recording.ranges, recording.angles, recording.laser)
+    return list(stream(recording))
 
 
 def _from_rows(ranges: Array, angles: Array, laser: Laser) -> list[Scan]:
-    """Scans in the robot's frame from ``ranges (N, B)``, all at once: the arithmetic is a fraction of the
-    calls."""
+    """Scans in the robot's frame from ``ranges (N, B)``, all at once."""
     from slam.surface import read_surfaces
 
     spacing_angle = float(np.median(np.diff(angles))) if len(angles) > 1 else np.pi / 180.0

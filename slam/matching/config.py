@@ -24,7 +24,8 @@ class MatchConfig:
     mutual nearest neighbours at the last level; ``oriented`` tells both faces of a thin wall apart; ``fade``
     is the mean information below which a direction fades out (0: never); ``freeze_ratio`` of the strongest
     direction below which one is frozen; ``least_pairs`` the pairs an answer needs; ``sigma`` m weighs ICP's
-    pairs; ``length`` m that a radian counts for; ``solver`` is the joint Gauss–Newton step or Pfister's alternating one.
+    pairs; ``length`` m that a radian counts for; ``solver`` is the joint Gauss–Newton step or Pfister's
+    alternating one.
 
     Where the answer found first fits badly, or leaves a direction open, others are tried within
     ``search_shift`` m and ``search_turn`` rad of the guess (0: never): badly means under ``least_share`` of

@@ -100,8 +100,9 @@ def test_intel_pairs_are_consecutive_scans_against_the_peers_poses(logs):
 
 
 def test_experiment_1_pairs_are_upright_and_moving(logs):
-    found = making.experiment_1(logs, 100)
-    assert len(found) == 26  # 29 steps before the fall, 3 of them standing
+    assert len(making.experiment_1(logs, 100)) == 29  # steps before the fall
+    found = making.experiment_1(logs, 100, moving=True)
+    assert len(found) == 26  # 3 of them standing
     for pair in found.pairs:
         assert np.any(np.abs(pair.T_reference_scan) > 0.005)
     deviation = np.sqrt(np.diag(found.pairs[0].truth_covariance))
@@ -121,9 +122,12 @@ def test_rounded_truth_scatters_as_its_covariance_says():
 
 
 def test_real_pairs_are_there(shared_data):
-    for found, count in ((making.intel(shared_data, 20), 20), (making.experiment_1(shared_data, 300), 299)):
+    for found, count in (
+        (making.intel(shared_data, 20), 20),
+        (making.experiment_1(shared_data, 300, moving=True), 299),
+    ):
         assert len(found) == count
-        some = found.pairs[:20]
+        some = found.pairs[:: count // 20]
         score = measure(OURS.matcher, some, np.array([p.T_reference_scan for p in some]))
         assert score.success >= 0.8
 
@@ -335,7 +339,8 @@ def test_small_gicp_finds_what_it_should(built):
 
 def test_points_of_peers_are_those_of_our_scans(built):
     mounted = replace(built.pairs[0], laser=replace(making.LASER, T_robot_laser=np.array([0.1, 0.2, 0.3])))
-    np.testing.assert_allclose(peers.points(mounted, 1), mounted.scans[1].points, atol=1e-12)
+    # As measured: ours are drawn to the line of their neighbours.
+    np.testing.assert_allclose(peers.points(mounted, 1), mounted.scans[1].points, atol=0.04)
     space = peers.extruded(mounted, 1)
     assert space.shape == (3 * len(mounted.scans[1]), 3)
     assert set(space[:, 2]) == {-peers.LAYERS, 0.0, peers.LAYERS}
@@ -403,7 +408,7 @@ def test_json_has_every_score(monkeypatch, capsys, logs):
     result = json.loads(capsys.readouterr().out)
     records = result["records"]["matching"]
     rows = {(r["matcher"], r["data"], r["guesses"]): r for r in records["scores"]}
-    assert len(rows) == (len(VARIANTS) + len(ABLATION)) * 3 * 2
+    assert len(rows) == (len(VARIANTS) + len(ABLATION)) * 4 * 2
     assert rows["plicp", "simulated", "easy"]["success"] == 1.0
     assert rows["plicp", "simulated", "easy"]["pairs"] == 3
     assert {r["place"] for r in records["calibration"]} == {"room", "corridor"}
@@ -418,9 +423,10 @@ def test_json_has_every_score(monkeypatch, capsys, logs):
 def test_without_logs_there_are_fewer_columns_and_a_line_for_each(monkeypatch, capsys, tmp_path):
     assert run_small(monkeypatch, "--data", str(tmp_path)) == 0
     out = capsys.readouterr().out
-    assert "easy: simulated" in out
-    assert "easy: Intel" not in out
-    assert sum("is not there (--data names the folder)" in line for line in out.splitlines()) == 2
+    assert "easy guesses" in out
+    assert "simulated" in out
+    assert " Intel  " not in out
+    assert sum("is not there (--data names the folder)" in line for line in out.splitlines()) == 3
     assert max(map(len, (line.rstrip() for line in out.splitlines()))) <= 160
 
 

@@ -54,7 +54,7 @@ ABLATION = (
     _without("one-way pairs (mutual)", mutual=True),
     _without("oriented normals", oriented=False),
     _without("search where it fits badly", least_share=0.0, most_misfit=np.inf),
-    _without("search along open directions", open_direction=0.0),
+    _without("search along open directions", open_direction=-np.inf),
     _without("both searches", search_shift=0.0),
     _without("frozen directions", freeze_ratio=0.0),
     replace(OURS, name="− p2l (joint)", covariance="joint"),

@@ -103,13 +103,13 @@ def intel(data: Path, count: int) -> PairSet | str:
     return PairSet("Intel", pairs, "every scan with the one before; truth is GMapping's answer")
 
 
-def experiment_1(data: Path, count: int) -> PairSet | str:
-    """Consecutive scans of the report's Experiment 1, upright and with the robot moving, spread over the
-    log, against its truth; or why not.
+def experiment_1(data: Path, count: int, moving: bool = False) -> PairSet | str:
+    """Consecutive upright scans of the report's Experiment 1, spread over the log, against its truth, all or
+    those with the robot ``moving``; or why not.
 
     The truth is rounded to 0.01 m and 0.01 rad, which its covariance says (uniform errors of both poses).
     Upright is what the INS says, so that nothing after the fall counts: its roll and pitch stay 11° off.
-    Where the truth stands still the pair is left out: there is nothing to find. Raises `FormatError` for a
+    Raises `FormatError` for a
     log without truth or attitude.
     """
     if absent := _absent(data, EXPERIMENT_1):
@@ -121,11 +121,10 @@ def experiment_1(data: Path, count: int) -> PairSet | str:
         )
     upright = np.all(np.abs(recording.attitude) < UPRIGHT, axis=1)
     moved = np.any(np.abs(se2.between(recording.truth[:-1], recording.truth[1:])) > 0.1 * QUANTUM, axis=1)
-    rows = 1 + np.flatnonzero(upright[1:] & upright[:-1] & moved)
+    rows = 1 + np.flatnonzero(upright[1:] & upright[:-1] & (moved | (not moving)))
     pairs = tuple(_logged(recording, recording.truth, row, QUANTUM) for row in spread(rows, count))
-    return PairSet(
-        "Exp. 1", pairs, "every scan with the one before, upright and moving; truth in steps of 0.01"
-    )
+    name, kind = ("Exp. 1, moving", "upright and moving") if moving else ("Exp. 1", "upright")
+    return PairSet(name, pairs, f"every scan with the one before, {kind}; truth in steps of 0.01")
 
 
 def guesses(pairs: Sequence[Pair], off: tuple[float, float], rng: np.random.Generator) -> Array:

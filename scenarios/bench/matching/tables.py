@@ -54,19 +54,21 @@ TOPICS: tuple[tuple[str, Cell], ...] = (
 
 
 def score_tables(records: Sequence[Record], groups: Iterable[int] = ()) -> list[Table]:
-    """A table for each of the `TOPICS`; ``groups`` are the rows after which a line is drawn."""
+    """A table for each of the `TOPICS` and level of guesses; ``groups`` are the rows after which a line is
+    drawn."""
     matchers = list(dict.fromkeys(r["matcher"] for r in records))
-    kinds = list(dict.fromkeys((r["guesses"], r["data"]) for r in records))
+    levels = list(dict.fromkeys(r["guesses"] for r in records))
+    kinds = list(dict.fromkeys(r["data"] for r in records))
     by_place = {(r["matcher"], r["guesses"], r["data"]): r for r in records}
-    columns = ("matcher", *(f"{guess}: {data}" for guess, data in kinds))
     return [
         Table(
-            title,
-            columns,
-            tuple((m, *(cell(by_place[m, *kind]) for kind in kinds)) for m in matchers),
+            f"{level} guesses · {title}",
+            ("matcher", *kinds),
+            tuple((m, *(cell(by_place[m, level, kind]) for kind in kinds)) for m in matchers),
             frozenset(groups),
         )
         for title, cell in TOPICS
+        for level in levels
     ]
 
 

@@ -71,6 +71,7 @@ def pair_sets(asked: Asked, rng: np.random.Generator) -> tuple[list[PairSet], li
             simulated(asked.pairs, rng),
             intel(asked.data, asked.pairs),
             experiment_1(asked.data, asked.pairs),
+            experiment_1(asked.data, asked.pairs, moving=True),
         ]
     except FormatError as bad:
         raise BadInput(str(bad)) from bad
