@@ -19,13 +19,14 @@ class AlignConfig:
 
     All methods read ``resolution`` m of the raster. The rest is read by "joint" only, so that tuning ours
     does not move the others: ``n_theta`` directions of the Hough transform, ``n_peaks`` rotations (each with
-    its twin); ``search_resolution`` m of the global search; ``free_penalty`` per wall cell in the other's
-    free space, 2–3 for warped submaps; ``blur`` in
-    cells; ``prior_weight`` cells per ½ of squared Mahalanobis distance, ``prior_sigmas`` the half width of
-    the search around a prior; ``sweep_step`` and ``sweep_limit`` rad where directions cannot be trusted;
-    ``candidates`` that are climbed; ``temperature`` cells, the score difference a covariance takes for noise;
-    ``warp`` (m, rad) the distortion within a submap; ``refine`` by the scan matcher, which may move by
-    ``refine_limit`` (m, rad).
+    its twin); ``search_resolution`` m of the global search, done twice: ``free_penalty`` per wall cell in the
+    other's free space finds small overlaps of maps that agree, ``lenient_penalty`` maps that are bent or
+    between which things were moved (a cell of a straight wall that coincides scores 3.5); ``blur`` in cells;
+    ``prior_weight`` cells per ½ of squared Mahalanobis distance, ``prior_sigmas`` the half width of the
+    search around a prior; ``sweep_step`` and ``sweep_limit`` rad where directions cannot be trusted;
+    ``candidates`` of each search that are climbed; ``temperature`` cells, the score difference a covariance
+    takes for noise; ``warp`` (m, rad) the distortion within a submap; ``refine`` by the scan matcher, which
+    may move by ``refine_limit`` (m, rad).
     """
 
     method: Method = "joint"
@@ -41,8 +42,8 @@ class AlignConfig:
     sweep_step: float = 0.035
     sweep_limit: float = 0.35
     candidates: int = 8
-    temperature: float = 10.0
-    warp: tuple[float, float] = (0.02, 0.0052)
+    temperature: float = 2.0
+    warp: tuple[float, float] = (0.01, 0.0026)
     refine: bool = True
     refine_limit: tuple[float, float] = (0.3, 0.05)
     acceptance: Acceptance = field(default_factory=Acceptance)

@@ -35,9 +35,11 @@ DISTINCT = (0.5, np.radians(5.0))
 """Alignments nearer than this (m at b's walls, rad) are one peak."""
 SHIFTS_PER_ROTATION = 3
 STRIDE = 3
+"""One wall point in so many is read while many alternatives climb."""
 FINALISTS = 6
+"""Candidates that climb on with all points."""
 NEARLY = 0.9
-"""Share of the highest peak of the spectra's correlation that a third needs; walls at right angles have two."""
+"""Share of the highest peak of the spectra's correlation that a third needs; right angles have two."""
 SLIDE = 0.4
 """An alignment is moved this far [m] in eight directions to see how much of its agreement is lost."""
 REFINE_POINTS = 1000
@@ -113,9 +115,7 @@ def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: Align
     return np.concatenate([angles, se2.wrap(yaw + config.sweep_step * np.arange(-count, count + 1))])
 
 
-def search(
-    a: Walls, b: Walls, angles: Array, prior: Prior | None, config: AlignConfig
-) -> list[Alternative]:
+def search(a: Walls, b: Walls, angles: Array, prior: Prior | None, config: AlignConfig) -> list[Alternative]:
     """The best shifts of all rotations.
 
     Half of them are the best where little may contradict, half where something was moved or a map is bent.
@@ -185,7 +185,9 @@ def _ranked(poses: list[Array], field: ScoreField) -> list[Candidate]:
     likely = np.array([odds(*cells) for cells in zip(agreement, conflict, strict=True)])
     likely = likely - prior_penalty(field.prior, tops, 1.0)
     order = np.argsort(-likely, kind="stable")
-    candidates = [Candidate(tops[k], float(agreement[k]), float(conflict[k]), float(likely[k])) for k in order]
+    candidates = [
+        Candidate(tops[k], float(agreement[k]), float(conflict[k]), float(likely[k])) for k in order
+    ]
     return [candidate for candidate in candidates if candidate.agreement > 0.0]
 
 
@@ -216,12 +218,11 @@ def _distinct(candidates: list[Pose], centre: Array) -> list[Pose]:
 
 def _pivot(field: ScoreField, T_a_b: Array) -> Array:
     """Where b is held while it turns: the middle of its walls that a knows something about."""
-    cells = np.floor(se2.transform(T_a_b, field.points_b) / field.config.resolution - field.first_a).astype(
-        int
-    )
+    points = field.points_b[::STRIDE]
+    cells = np.floor(se2.transform(T_a_b, points) / field.config.resolution - field.first_a).astype(np.int64)
     inside = np.all((cells >= 0) & (cells < field.field_a.shape[::-1]), axis=1)
     inside[inside] = field.field_a[cells[inside, 1], cells[inside, 0]] != 0.0
-    return field.points_b[inside].mean(axis=0) if inside.any() else field.points_b.mean(axis=0)
+    return points[inside].mean(axis=0) if inside.any() else field.points_b.mean(axis=0)
 
 
 def _located(
@@ -242,7 +243,9 @@ def _located(
     moved = np.linalg.norm(se2.transform(T_a_b, pivot[None]) - se2.transform(best.T_a_b, pivot[None]))
     turned = abs(float(se2.wrap(T_a_b[2] - best.T_a_b[2])))
     if moved > config.refine_limit[0] or turned > config.refine_limit[1]:
-        return NoStitch(f"the scan matcher left the peak by {moved:.2f} m and {turned:.3f} rad", best.alternative)
+        return NoStitch(
+            f"the scan matcher left the peak by {moved:.2f} m and {turned:.3f} rad", best.alternative
+        )
     return T_a_b, sigma + answer.covariance
 
 
@@ -267,5 +270,5 @@ def _rivalry(best: Candidate, other: Candidate, prior: Prior | None) -> float:
     plausible = rivalry((best.agreement, best.conflict), (other.agreement, other.conflict))
     if prior is None:
         return plausible
-    farther = prior.distance(other.T_a_b) - prior.distance(best.T_a_b)
+    farther = float(prior.distance(other.T_a_b) - prior.distance(best.T_a_b))
     return plausible * float(np.exp(-0.5 * max(farther, 0.0)))

@@ -27,6 +27,38 @@ def vote(points: Array, n_theta: int, first: float, resolution: float, n_rho: in
 
 
 @njit(cache=True)
+def thin(points: Array, occupied: np.ndarray, origin: Array, side: float, resolution: float) -> Array:
+    """Points ``(n, 2)`` on occupied cells, thinned: the mean of those in each cell of ``resolution`` m.
+
+    ``occupied (H, W)`` has cells of ``side`` m and starts at ``origin``. Row by row, as the cells are.
+    """
+    height, width = occupied.shape
+    kept = np.zeros(points.shape[0], dtype=np.bool_)
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for n in range(points.shape[0]):
+        j = int(np.floor((points[n, 0] - origin[0]) / side))
+        i = int(np.floor((points[n, 1] - origin[1]) / side))
+        kept[n] = 0 <= i < height and 0 <= j < width and occupied[i, j]
+        if kept[n]:
+            for k in range(2):
+                low[k] = min(low[k], np.floor(points[n, k] / resolution))
+                high[k] = max(high[k], np.floor(points[n, k] / resolution))
+    if not low[0] <= high[0]:
+        return np.zeros((0, 2))
+    rows, columns = int(high[1] - low[1]) + 1, int(high[0] - low[0]) + 1
+    sums = np.zeros((rows * columns, 3))
+    for n in range(points.shape[0]):
+        if kept[n]:
+            j = int(np.floor(points[n, 0] / resolution) - low[0])
+            i = int(np.floor(points[n, 1] / resolution) - low[1])
+            sums[i * columns + j, 0] += points[n, 0]
+            sums[i * columns + j, 1] += points[n, 1]
+            sums[i * columns + j, 2] += 1.0
+    used = np.flatnonzero(sums[:, 2])
+    return sums[used, :2] / sums[used, 2:]
+
+
+@njit(cache=True)
 def look_up(cells: np.ndarray, origin: Array, side: float, T: Array, first: Array, shape: tuple[int, int],
             resolution: float) -> np.ndarray:  # fmt: skip
     """Which cells of a lattice ``shape`` at ``first`` have their centre on a true cell, once moved by T.

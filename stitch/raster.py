@@ -11,7 +11,6 @@ from slam.occupancy import Grid
 from slam.se2 import Array
 from slam.submap import Submap
 
-
 LOOSE = 0.3
 """Weight of a cell that may be furniture."""
 FURNITURE = (1.2, 1.8)
@@ -45,30 +44,10 @@ def wall_points(submap: Submap, resolution: float) -> Array:
     Each is the mean of the submap's points in the cell, so that no lattice shows in the Hough transform.
     Points in cells the grid does not call occupied (seen through more often than hit) are left out.
     """
-    return _thinned(submap.points.points[_on_walls(submap)], resolution)
+    from stitch.kernels import thin
 
-
-def _on_walls(submap: Submap) -> np.ndarray:
-    """Which of the points ``(n,)`` lie in occupied cells."""
-    points, grid = submap.points.points, submap.grid
-    height, width = grid.occupied.shape
-    column, row = np.floor((points - grid.origin) / grid.resolution).astype(np.int64).reshape(-1, 2).T
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    inside[inside] = grid.occupied[row[inside], column[inside]]
-    return inside
-
-
-def _thinned(points: Array, resolution: float) -> Array:
-    """The mean of the points in each cell, in the order of the cells."""
-    if len(points) == 0:
-        return points
-    cells = np.floor(points / resolution).astype(np.int64)
-    cells -= cells.min(axis=0)
-    key = cells[:, 1] * (cells[:, 0].max() + 1) + cells[:, 0]
-    count = np.bincount(key)
-    used = count > 0
-    sums = [np.bincount(key, weights=points[:, axis])[used] for axis in (0, 1)]
-    return np.stack(sums, -1) / count[used, None]
+    grid = submap.grid
+    return thin(submap.points.points, grid.occupied, grid.origin, grid.resolution, resolution)
 
 
 @dataclass(frozen=True)
@@ -110,7 +89,11 @@ def steadiness(points: Array, resolution: float) -> Array:
 
 
 def rasterise(
-    points: Array, grid: Grid, T: Array, resolution: float, weights: Array | None = None
+    points: Array,
+    grid: Grid,
+    T: Array,
+    resolution: float,
+    weights: Array | None = None,
 ) -> Raster:
     """Wall points ``(n, 2)`` with ``weights (n,)`` and the free space of their grid, all moved by ``T (3,)``.
 

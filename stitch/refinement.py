@@ -84,9 +84,7 @@ def prior_penalty(prior: Prior | None, T_a_b: Array, weight: float) -> Array | f
     return 0.0 if prior is None else 0.5 * weight * prior.distance(T_a_b)
 
 
-def score_field(
-    a: Walls, b: Walls, penalty: float, prior: Prior | None, config: AlignConfig
-) -> ScoreField:
+def score_field(a: Walls, b: Walls, penalty: float, prior: Prior | None, config: AlignConfig) -> ScoreField:
     """The score of moving map b over map a."""
     from scipy.ndimage import gaussian_filter
 
@@ -132,7 +130,8 @@ def climb(
     from stitch.kernels import ascend
 
     few = slice(None, None, stride)
-    expected, information = T_a_b, np.zeros((3, 3))
+    expected: Array = np.asarray(T_a_b, dtype=np.float64)
+    information: Array = np.zeros((3, 3))
     if field.prior is not None:
         expected = np.asarray(field.prior.T_a_b, dtype=np.float64)
         information = field.config.prior_weight / stride * np.linalg.inv(field.prior.covariance)

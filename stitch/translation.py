@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -158,6 +159,7 @@ def correlate(
     )
 
 
+@lru_cache(maxsize=2)
 def _blur_gain(shape: tuple[int, int], blur: float) -> np.ndarray:
     """Fourier transform of two Gaussians of ``blur`` cells, one after the other, worth 1 in the middle."""
     squared = 2.0 * blur**2

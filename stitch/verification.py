@@ -11,10 +11,9 @@ from slam.se2 import Array
 from stitch.raster import Raster, dilated
 from stitch.result import Prior
 
-
 SAME, CHANGED, CHANCE = 0.001, 0.05, 0.1
-"""Share of the walls in the overlap that the other map has seen through: where both show the same place, where
-something was moved in between or a map is bent, and where the place is another and fits by chance."""
+"""Share of the walls in the overlap that the other map has seen through: where both show the same place,
+where something was moved in between or a map is bent, and where another place fits by chance."""
 CHANGED_COUNTS = 0.5
 """Worth of a cell's evidence when something must have changed."""
 DISPROVED = 0.04
@@ -41,8 +40,8 @@ class Acceptance:
     max_conflict: float = 0.15
     min_odds: float = 12.0
     min_odds_guided: float = 0.0
-    min_firmness: float = 0.2
-    max_peak_ratio: float = 0.6
+    min_firmness: float = 0.25
+    max_peak_ratio: float = 0.5
     max_innovation: float = 16.27
 
 
@@ -149,7 +148,7 @@ def reason_against(evidence: Evidence, standing: Standing, acceptance: Acceptanc
         ("agreement of the cells (omega)", evidence.omega, acceptance.min_omega, "", True),
         ("evidence (log-odds against chance)", standing.odds, least_odds, "", True),
         ("firmness (it slides along its walls)", standing.firmness, acceptance.min_firmness, "", True),
-        ("ambiguity (plausibility of the best rival)", standing.rivalry, acceptance.max_peak_ratio, "", False),
+        ("ambiguity (plausibility of a rival)", standing.rivalry, acceptance.max_peak_ratio, "", False),
     ]
     for name, value, limit, unit, at_least in checks:
         if not (value >= limit if at_least else value <= limit):

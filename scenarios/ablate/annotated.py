@@ -1,4 +1,4 @@
-"""Real maps of one building whose pairs somebody annotated: pictures, keypoints and which of them are the same."""
+"""Real maps whose pairs somebody annotated: pictures, keypoints, and which of them are the same."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slam.submap import Submap
 RESOLUTION = 0.05
 """Metres to a pixel of the maps, which do not tell."""
 MOST_SCALE, MOST_RESIDUAL = 0.03, 16.0
-"""Pairs are scored whose fitted scale is this near 1 and whose keypoints then miss by no more pixels (rms)."""
+"""Pairs are scored whose fitted scale is this near 1 and whose keypoints then miss by less (pixels, rms)."""
 WALL, OPEN = 60, 200
 """Grey levels: at most that of a wall, at least that of free space; what lies between is unknown."""
 
@@ -43,7 +43,9 @@ def annotated_pairs(folder: Path) -> tuple[list[AnnotatedPair], int]:
     ``<name>.png``, ``keypoints_<name>.npy (n, 2)`` in pixels from the lower left corner, and
     ``association_<a>_<b>.npy (m, 2)``, rows of both. Pickled files are left alone.
     """
-    keypoints = {path.stem: _numbers(folder / f"keypoints_{path.stem}.npy") for path in sorted(folder.glob("*.png"))}
+    keypoints = {
+        path.stem: _numbers(folder / f"keypoints_{path.stem}.npy") for path in sorted(folder.glob("*.png"))
+    }
     names = [name for name, found in keypoints.items() if found is not None and "layout" not in name]
     pairs, annotated = [], 0
     for a, b in combinations(names, 2):

@@ -23,7 +23,7 @@ BINS: dict[str, tuple[float, float]] = {
 }
 """True overlap from (inclusive) and to (exclusive), as a share of the smaller map's known area."""
 NONE, TWINS = "none", "twins"
-"""Pairs of one building that share nothing at all; pairs from rows of identical rooms, however they overlap."""
+"""Pairs of one building that share nothing; pairs from rows of identical rooms, however they overlap."""
 ALL_BINS = (*BINS, NONE, TWINS)
 TWIN_SCENARIO = "twin_rooms"
 NEIGHBOURHOOD = 4.0
@@ -61,8 +61,8 @@ class Harvest:
 
 
 def harvest(scenario: Buildable, seed: int, quota: int) -> Harvest:
-    """At most ``quota`` pairs per bin from two visits to a building; every third seed finds furniture moved."""
-    moved = seed % 3 == 0
+    """At most ``quota`` pairs per bin from two visits; between every third two furniture is moved."""
+    moved = (seed + zlib.crc32(scenario.name.encode())) % 3 == 0
     rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode()), 3])
     cut = [pieces(run.recording, rng) for run in visits(scenario, seed, moved)]
     (first, bent_first), (second, bent_second) = cut
@@ -82,7 +82,14 @@ def harvest(scenario: Buildable, seed: int, quota: int) -> Harvest:
         for where, chosen in taken.items()
         for i, j in chosen
     ]
-    return Harvest(tuple(pairs), len(first) + len(second) + bent_first + bent_second, bent_first + bent_second)
+    return Harvest(
+        tuple(pairs), len(first) + len(second) + bent_first + bent_second, bent_first + bent_second
+    )
+
+
+def bins_of(scenario: str) -> tuple[str, ...]:
+    """The bins that a scenario's pairs may be in."""
+    return (TWINS,) if scenario == TWIN_SCENARIO else (*BINS, NONE)
 
 
 def bin_of(overlap: float, scenario: str) -> str | None:
@@ -127,6 +134,8 @@ def frame_near(piece: Piece, place: Array) -> Array:
     distance = np.linalg.norm(piece.middles - place, axis=1)
     weights = 1.0 / (1.0 + (distance / NEIGHBOURHOOD) ** 4)
     weights = weights / weights.sum()
-    yaw = float(np.arctan2(weights @ np.sin(piece.T_world_map[:, 2]), weights @ np.cos(piece.T_world_map[:, 2])))
+    yaw = float(
+        np.arctan2(weights @ np.sin(piece.T_world_map[:, 2]), weights @ np.cos(piece.T_world_map[:, 2]))
+    )
     local = weights @ se2.transform(se2.inverse(piece.T_world_map), place[None])[:, 0]
     return np.array([*(place - se2.rotation(yaw) @ local), yaw])

@@ -1,4 +1,4 @@
-"""Submaps as a front end would hand them over: stretches of a drive, drawn where it believed the robot was."""
+"""Submaps as a front end hands them over: stretches of a drive, drawn where it believed the robot was."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ PER_DRIVE = 14
 """Stretches cut from a drive."""
 LOST = SegmentationConfig(rule="zero_run", run=10)
 """No stretch goes over this many scans in a row without a match."""
-MOST_WARP = (0.3, np.radians(2.0))
-"""A stretch bent by more (m, rad) has no place where it would be right."""
+MOST_WARP = (0.15, np.radians(1.0))
+"""A stretch bent by more (m, rad) is left out: two that are may differ by as much as a stitch may be wrong
+by, and no answer need be right."""
 CELL = 0.2
 """Side of the world's cells [m] in which overlap is counted."""
 
@@ -31,9 +32,9 @@ CELL = 0.2
 class Piece:
     """A submap, and what only the simulator knows of it.
 
-    ``known (n, 2)``: world cells of `CELL` m that its scans saw from their true poses; ``T_world_map (K, 3)``:
-    where its K drawn scans say that its frame lies, all equal were the submap not bent; ``middles (K, 2)``:
-    the middle of what each of them saw, in the world.
+    ``known (n, 2)``: world cells of `CELL` m that its scans saw from their true poses; ``T_world_map
+    (K, 3)``: where its K drawn scans say that its frame lies, all equal were the submap not bent; ``middles
+    (K, 2)``: the middle of what each of them saw, in the world.
     """
 
     submap: Submap
@@ -43,7 +44,7 @@ class Piece:
 
 
 def pieces(recording: Recording, rng: np.random.Generator) -> tuple[list[Piece], int]:
-    """Stretches of a drive as submaps, and how many were left out because they are bent beyond `MOST_WARP`."""
+    """Stretches of a drive as submaps, and how many are bent beyond `MOST_WARP` and left out."""
     if recording.truth is None:
         raise ValueError(f"{recording.name}: expected a recording with truth")
     scans = scans_of(recording)
@@ -66,7 +67,7 @@ def pieces(recording: Recording, rng: np.random.Generator) -> tuple[list[Piece],
 
 
 def stretches(found: Track, rng: np.random.Generator) -> list[tuple[int, int]]:
-    """Scans ``start..stop-1`` of stretches of a random `LENGTH`, none over a place where the robot got lost."""
+    """Scans ``start..stop-1`` of stretches of a random `LENGTH`, none over where the robot got lost."""
     chosen = []
     path = se2.path_length(found.poses)
     whole = [s for s in segments(found, LOST) if path[s.stop - 1] - path[s.start] >= LENGTH[0]]

@@ -38,7 +38,8 @@ class Share:
 class Line:
     """One method in one bin: shares of all pairs, but ``false`` of the accepted; processor time in s.
 
-    ``anees`` is that of the accepted stitches, divided by 3; NaN where none has a covariance.
+    ``anees`` is that of the right stitches, divided by 3 (a false one is beyond any covariance); NaN where
+    none has a covariance.
     """
 
     variant: str
@@ -69,8 +70,10 @@ def lines(rows: Sequence[Row], bins: Iterable[str]) -> list[Line]:
 
 def line(variant: str, name: str, rows: Sequence[Row]) -> Line:
     """What a method did with some pairs."""
-    counts = {outcome: sum(row.outcome == outcome for row in rows) for outcome in ("right", "false", "refused")}
-    nees = np.array([row.nees for row in rows])
+    counts = {
+        outcome: sum(row.outcome == outcome for row in rows) for outcome in ("right", "false", "refused")
+    }
+    nees = np.array([row.nees if row.outcome == "right" else np.nan for row in rows])
     nees = nees[np.isfinite(nees)]
     return Line(
         variant,

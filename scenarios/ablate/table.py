@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from scenarios.ablate.summary import Line, Share
+if TYPE_CHECKING:
+    from scenarios.ablate.summary import Line, Share
 
 
 def print_lines(title: str, lines: Sequence[Line], notes: Sequence[str]) -> None:
@@ -56,7 +58,11 @@ def lines_json(lines: Sequence[Line], about: Mapping[str, object]) -> str:
             "accepted": entry.false.n,
             **{
                 name: {"count": share.count, "share": _number(share.value), "interval": share.interval}
-                for name, share in (("right", entry.right), ("false", entry.false), ("refused", entry.refused))
+                for name, share in (
+                    ("right", entry.right),
+                    ("false", entry.false),
+                    ("refused", entry.refused),
+                )
             },
             "median_s": entry.seconds,
             "anees": _number(entry.anees),

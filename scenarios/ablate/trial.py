@@ -36,7 +36,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class Row:
-    """One answer: ``error_m`` and ``error_deg`` are NaN where it was refused, ``nees`` without a covariance."""
+    """One answer: errors are NaN where it was refused, ``nees`` where it has no covariance."""
 
     variant: str
     scenario: str
@@ -83,7 +83,7 @@ def drawn_prior(T_a_b: Array, rng: np.random.Generator) -> Prior:
 def judged(
     answer: Stitch | NoStitch, T_a_b: Array, middle_b: Array
 ) -> tuple[Outcome, tuple[float, float], float]:
-    """Outcome, error (m at b's point ``middle_b (2,)``, degrees) and squared Mahalanobis error of an answer."""
+    """Outcome, error (m at b's point ``middle_b (2,)``, degrees) and squared Mahalanobis error."""
     if isinstance(answer, NoStitch):
         return "refused", (np.nan, np.nan), np.nan
     apart = se2.transform(answer.T_a_b, middle_b[None]) - se2.transform(T_a_b, middle_b[None])

@@ -1,4 +1,4 @@
-"""Two visits to one building: the second goes the other way round, and somebody may have moved the furniture."""
+"""Two visits to one building: the second goes the other way, and furniture may have been moved."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def visits(scenario: Buildable, seed: int, moved: bool) -> tuple[SimulatedRun, S
     rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode()), 2])
     building, moving, *streams = rng.spawn(8)
     first = scenario.build(building)
-    prisms = rearranged(first.world.prisms, resample(first.waypoints), moving) if moved else first.world.prisms
-    route = first.waypoints[::-1]
-    second = replace(
-        first, world=replace(first.world, prisms=prisms), waypoints=route, start=start(route)
+    prisms = (
+        rearranged(first.world.prisms, resample(first.waypoints), moving) if moved else first.world.prisms
     )
+    route = first.waypoints[::-1]
+    second = replace(first, world=replace(first.world, prisms=prisms), waypoints=route, start=start(route))
     return _visit(scenario.name, first, streams[:3]), _visit(scenario.name, second, streams[3:])
 
 
@@ -63,7 +63,9 @@ def rearranged(prisms: tuple[Prism, ...], route: Array, rng: np.random.Generator
         size = np.ptp(np.concatenate([prisms[k].footprint for k in piece]), axis=0).max()
         if size > LARGEST or rng.random() > SHARE_MOVED:
             continue
-        others = cKDTree(np.concatenate([o for k, o in enumerate(outlines) if k not in piece and k not in gone]))
+        others = cKDTree(
+            np.concatenate([o for k, o in enumerate(outlines) if k not in piece and k not in gone])
+        )
         found = _moved([prisms[k] for k in piece], others, cKDTree(route), rng)
         for k, prism in zip(piece, found or [], strict=False):
             new[k], outlines[k] = prism, _outline(prism)
@@ -93,7 +95,10 @@ def _moved(
     """The piece somewhere else in its room, or None where it finds no place."""
     centre = np.concatenate([prism.footprint for prism in piece]).mean(axis=0)
     for _ in range(TRIES):
-        shift, turn = rng.uniform(-FARTHEST, FARTHEST, 2), rng.choice([0.0, 0.5 * np.pi]) + rng.normal(0.0, 0.1)
+        shift, turn = (
+            rng.uniform(-FARTHEST, FARTHEST, 2),
+            rng.choice([0.0, 0.5 * np.pi]) + rng.normal(0.0, 0.1),
+        )
         T = se2.compose(np.array([*(centre + shift), turn]), np.array([*-centre, 0.0]))
         placed = [replace(prism, footprint=se2.transform(T, prism.footprint)) for prism in piece]
         outline = np.concatenate([_outline(prism) for prism in placed])

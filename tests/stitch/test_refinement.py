@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from slam import se2
+from slam.occupancy import Grid
 from stitch.config import AlignConfig
-from stitch.raster import Raster, dilated
-from stitch.refinement import ScoreField, climb, covariance, score_field
+from stitch.raster import Raster, Walls, dilated
+from stitch.refinement import ScoreField, about, climb, covariance, score_field
 from stitch.result import Prior
-from stitch.translation import correlate, padded_shape, spectra
+from stitch.translation import LINE, correlate, padded_shape, spectra
 
 CONFIG = AlignConfig(resolution=0.5)
+PENALTY = 5.0
 
 
 def random_raster(seed: int, shape: tuple[int, int], first: tuple[int, int]) -> Raster:
@@ -29,8 +31,15 @@ def points_of(raster: Raster) -> np.ndarray:
     return (raster.first + np.stack([columns, rows], -1) + 0.5) * raster.resolution
 
 
+def walls(raster: Raster) -> Walls:
+    """The raster as a map of its own, every cell a point."""
+    points = points_of(raster)
+    grid = Grid(raster.occupied, raster.free, raster.first * raster.resolution, raster.resolution)
+    return Walls(points, np.ones(len(points)), grid)
+
+
 def field_of(a: Raster, b: Raster, config: AlignConfig = CONFIG, prior: Prior | None = None) -> ScoreField:
-    return score_field(a, points_of(a), b, points_of(b), prior, config)
+    return score_field(walls(a), walls(b), PENALTY, prior, config)
 
 
 def test_agrees_with_the_search_at_whole_cells() -> None:
@@ -41,15 +50,15 @@ def test_agrees_with_the_search_at_whole_cells() -> None:
     for row, column in [(20, 22), (25, 20), (30, 30), (40, 38)]:
         t = found.translations()[row, column]
         score = field_of(a, b).scores(np.array([[*t, 0.0]]))[0]
-        expected = float(found.score[row, column])
+        expected = float(found.score(PENALTY)[row, column])
         assert score == pytest.approx(expected, rel=0.02, abs=0.5)
 
 
 def test_the_outermost_wall_counts() -> None:
     """A wall in the last row of a grid is still a wall, also half a cell beyond its centre."""
-    walls = np.zeros((5, 9), dtype=bool)
-    walls[4] = True
-    a = Raster(walls, np.zeros_like(walls), np.zeros(2), 0.5)
+    cells = np.zeros((5, 9), dtype=bool)
+    cells[4] = True
+    a = Raster(cells, np.zeros_like(cells), np.zeros(2), 0.5)
     scores = field_of(a, a).scores(np.array([[0.0, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, -0.2, 0.0]]))
     assert scores[0] > 9.0
     assert scores[1] == pytest.approx(scores[2])
@@ -62,6 +71,26 @@ def test_climbing_reaches_the_top() -> None:
     T, score = climb(field, np.array([0.22, -0.17, 0.03]), np.zeros(2))
     np.testing.assert_allclose(T, 0.0, atol=0.03)
     assert score > field.scores(np.array([[0.22, -0.17, 0.03]]))[0]
+
+
+def test_the_kernel_climbs_the_score_it_reports() -> None:
+    """With a prior and a pivot away from the origin: the slow score at the top is the kernel's."""
+    a, b = random_raster(6, (40, 40), (-20, -20)), random_raster(7, (30, 36), (-9, -14))
+    prior = Prior(np.array([0.3, 0.2, 0.1]), np.diag([0.5, 0.2, 0.1]) ** 2)
+    field = field_of(a, b, prior=prior)
+    T, score = climb(field, np.array([0.1, 0.4, 0.05]), np.array([3.0, -2.0]))
+    assert score == pytest.approx(float(field.scores(T[None])[0]), rel=1e-6)
+    for step in np.concatenate([np.eye(3), -np.eye(3)]) * [0.0125, 0.0125, np.radians(0.125)]:
+        assert field.scores(about(T, np.array([3.0, -2.0]), step[None]))[0] <= score + 1e-6
+
+
+def test_agreement_and_conflict_make_the_score() -> None:
+    a, b = random_raster(8, (40, 40), (-20, -20)), random_raster(9, (30, 36), (-9, -14))
+    field, T = field_of(a, b), np.array([[0.3, -0.4, 0.2], [1.0, 0.0, 0.0]])
+    np.testing.assert_allclose(
+        field.scores(T), LINE * field.agreement(T) - PENALTY * field.conflict(T), rtol=1e-5
+    )
+    assert np.all(field.conflict(T) > 0.0)
 
 
 def test_warp_widens_the_covariance_about_the_pivot() -> None:

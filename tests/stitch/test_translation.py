@@ -7,7 +7,7 @@ import pytest
 
 from slam import se2
 from stitch.raster import Raster
-from stitch.translation import best_shifts, by_spectra, correlate, padded_shape, spectra
+from stitch.translation import LINE, best_shifts, by_spectra, correlate, padded_shape, spectra
 
 
 def raster(occupied: np.ndarray, free: np.ndarray | None = None, first: tuple[int, int] = (0, 0)) -> Raster:
@@ -20,8 +20,9 @@ def correlation(a: Raster, b: Raster, **options):
     return correlate(spectra(a, shape), spectra(b, shape), **options)
 
 
-def best_translation(found) -> np.ndarray:
-    row, column = np.unravel_index(np.argmax(found.score), found.score.shape)
+def best_translation(found, free_penalty: float) -> np.ndarray:
+    score = found.score(free_penalty)
+    row, column = np.unravel_index(np.argmax(score), score.shape)
     return found.translations()[row, column]
 
 
@@ -47,12 +48,13 @@ def test_correlation_agrees_with_the_slow_twin_at_every_shift() -> None:
     """Also proves the padding: an FFT that wraps would add shifts together."""
     rng = np.random.default_rng(0)
     a, b = random_raster(rng, (7, 5), (-3, 2)), random_raster(rng, (4, 6), (1, -9))
-    found = correlation(a, b, free_penalty=2.5, blur=0.0)
-    assert found.score.shape == (7 + 4 - 1, 5 + 6 - 1)
-    for row, column in np.ndindex(found.score.shape):
+    found = correlation(a, b, blur=0.0)
+    found_score = found.score(2.5)
+    assert found_score.shape == (7 + 4 - 1, 5 + 6 - 1)
+    for row, column in np.ndindex(found_score.shape):
         lag = (column - 5, row - 3)
         score, overlap = slow_score(a, b, lag, 2.5)
-        assert found.score[row, column] == pytest.approx(score, abs=1e-3)
+        assert found_score[row, column] == pytest.approx(score, abs=1e-3)
         assert found.overlap[row, column] == pytest.approx(overlap * 0.25, abs=1e-3)
         expected = 0.5 * (np.array(lag) + np.array([-3 - 1, 2 + 9]))
         np.testing.assert_allclose(found.translations()[row, column], expected)
@@ -62,9 +64,26 @@ def test_a_blurred_coinciding_cell_scores_one() -> None:
     one = np.zeros((9, 9), bool)
     one[4, 4] = True
     found = correlation(raster(one), raster(one), blur=1.0)
-    middle = np.array(found.score.shape) // 2
-    assert found.score[tuple(middle)] == pytest.approx(1.0, abs=1e-4)
-    assert found.score[middle[0], middle[1] + 1] == pytest.approx(np.exp(-0.25), abs=1e-3)
+    middle = np.array(found.agreement.shape) // 2
+    assert found.agreement[tuple(middle)] == pytest.approx(1.0, abs=1e-4)
+    assert found.agreement[middle[0], middle[1] + 1] == pytest.approx(np.exp(-0.25), abs=1e-3)
+
+
+def test_a_cell_of_a_straight_wall_collects_its_neighbours() -> None:
+    wall = np.zeros((9, 60), bool)
+    wall[4, 10:50] = True
+    found = correlation(raster(wall), raster(wall), blur=1.0)
+    ends = 2.0  # cells at both ends have neighbours on one side only
+    assert found.agreement.max() == pytest.approx(LINE * 40, rel=ends / 40)
+
+
+def test_weights_count_on_both_sides() -> None:
+    """A heavy and a light cell: products where walls meet, weights where a wall meets free space."""
+    a = Raster(np.array([[True, True]]), np.zeros((1, 2), bool), np.zeros(2), 0.5, np.float32([[1.0, 0.5]]))
+    b = Raster(np.array([[True]]), np.zeros((1, 1), bool), np.zeros(2), 0.5, np.float32([[0.4]]))
+    np.testing.assert_allclose(correlation(a, b, blur=0.0).agreement[0], [0.4, 0.2], atol=1e-6)
+    open_floor = raster(np.zeros((1, 1), bool), np.ones((1, 1), bool))
+    np.testing.assert_allclose(correlation(a, open_floor, blur=0.0).conflict[0], [1.0, 0.5], atol=1e-6)
 
 
 def test_the_window_is_a_part_of_the_whole() -> None:
@@ -77,10 +96,9 @@ def test_the_window_is_a_part_of_the_whole() -> None:
     assert np.all(t.reshape(-1, 2).min(axis=0) <= low)
     assert np.all(t.reshape(-1, 2).max(axis=0) >= high)
     column, row = np.round((t[0, 0] - whole.first) / 0.5).astype(int)
-    height, width = part.score.shape
-    np.testing.assert_allclose(
-        part.score, whole.score[row : row + height, column : column + width], atol=1e-3
-    )
+    height, width = part.agreement.shape
+    expected = whole.score(5.0)[row : row + height, column : column + width]
+    np.testing.assert_allclose(part.score(5.0), expected, atol=1e-3)
 
 
 def test_free_space_fixes_what_walls_alone_get_wrong() -> None:
@@ -94,8 +112,8 @@ def test_free_space_fixes_what_walls_alone_get_wrong() -> None:
     around[:] = True
     a, b = raster(walls, free & ~walls), raster(seen, around & ~seen)
     truth = np.array([0.0, 1.5])
-    assert np.linalg.norm(best_translation(correlation(a, b, free_penalty=0.0)) - truth) > 5.0
-    np.testing.assert_allclose(best_translation(correlation(a, b, free_penalty=5.0)), truth)
+    assert np.linalg.norm(best_translation(correlation(a, b), 0.0) - truth) > 5.0
+    np.testing.assert_allclose(best_translation(correlation(a, b), 5.0), truth)
 
 
 def test_spectra_of_different_padding_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""Real maps: annotated pairs of two buildings in Halmstad, and the two pieces of the report's Experiment 3."""
+"""Real maps: annotated pairs of two buildings in Halmstad, and the two pieces of Experiment 3."""
 
 from __future__ import annotations
 
@@ -171,14 +171,19 @@ def print_rows(rows: list[RealRow], shares: list[PieceRow]) -> None:
             )
         console.print(table)
     if shares:
-        table = Table(title="Experiment 3: share of part2's walls within 3 pixels of part1's", box=rich.box.SIMPLE_HEAD)
+        table = Table(
+            title="Experiment 3: share of part2's walls within 3 pixels of part1's", box=rich.box.SIMPLE_HEAD
+        )
         for column in ("method", "share", "answer", "s"):
             table.add_column(column, no_wrap=True)
-        for row in shares:
-            share = "–" if row.share is None else f"{row.share:.2f}"
-            table.add_row(row.method, share, "accepted" if row.accepted else f"refused: {row.reason}", f"{row.seconds:.2f}")
+        for piece in shares:
+            share = "–" if piece.share is None else f"{piece.share:.2f}"
+            said = "accepted" if piece.accepted else f"refused: {piece.reason}"
+            table.add_row(piece.method, share, said, f"{piece.seconds:.2f}")
         console.print(table)
 
 
 def _plain(row: dict[str, object]) -> dict[str, object]:
-    return {name: None if isinstance(value, float) and np.isnan(value) else value for name, value in row.items()}
+    return {
+        name: None if isinstance(value, float) and np.isnan(value) else value for name, value in row.items()
+    }

@@ -1,0 +1,257 @@
+"""Studies: their pairs are what they claim, answers are counted rightly, and workers change nothing."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.ablate.pairs import BINS, NONE, TWINS, Pair, bin_of, frame_near, harvest, shared
+from scenarios.ablate.pieces import CELL, Piece, best_rigid, warp
+from scenarios.ablate.study import STUDIES
+from scenarios.ablate.study.stitching import chosen, rows_of, seeds_of
+from scenarios.ablate.summary import ALL, Share, lines
+from scenarios.ablate.trial import Row, drawn_prior, judged
+from scenarios.ablate.visits import rearranged
+from scenarios.ablate.workers import in_order
+from scenarios.catalogue import CATALOGUE
+from scenarios.cli import BadInput
+from sim.floorplan import Prism, box, cupboard, table
+from slam import se2
+from stitch.align import NoStitch, Stitch
+
+ROOM = [
+    box([3.0, 0.0, 0.0], 6.0, 0.1, kind="wall"),
+    box([3.0, 6.0, 0.0], 6.0, 0.1, kind="wall"),
+    box([0.0, 3.0, np.pi / 2], 6.0, 0.1, kind="wall"),
+    box([6.0, 3.0, np.pi / 2], 6.0, 0.1, kind="wall"),
+]
+ROUTE = np.array([[3.0, 2.5], [3.0, 3.5]])
+
+
+@pytest.fixture(scope="module")
+def hives() -> tuple[Pair, ...]:
+    """Pairs from two visits to one beehive, furniture moved between them."""
+    return harvest(CATALOGUE["beehive"], 102, 1).pairs
+
+
+def row(outcome: str, where: str = "30 %", nees: float = np.nan, variant: str = "joint") -> Row:
+    return Row(variant, "hospital", 0, where, 0.3, False, outcome, 0.0, 0.0, nees, 0.5, "")  # type: ignore[arg-type]
+
+
+def piece(known: list[list[int]], frames: np.ndarray, middles: np.ndarray) -> Piece:
+    return Piece(None, np.array(known), frames, middles)  # type: ignore[arg-type]
+
+
+def test_bins_are_by_share_and_twins_apart() -> None:
+    assert bin_of(0.10, "hospital") == "15 %"
+    assert bin_of(0.20, "hospital") is None
+    assert bin_of(0.25, "hospital") == "30 %"
+    assert bin_of(0.89, "hospital") == "80 %"
+    assert bin_of(0.0, "hospital") == NONE
+    assert bin_of(0.005, "hospital") is None
+    assert bin_of(0.005, "twin_rooms") == TWINS
+
+
+def test_overlap_by_hand() -> None:
+    """Of four and three cells two are the same; negative cells count as well."""
+    nothing = np.zeros((1, 3))
+    a = piece([[0, 0], [1, 0], [-5, 2], [7, 7]], nothing, nothing[:, :2])
+    b = piece([[1, 0], [-5, 2], [0, 1]], nothing, nothing[:, :2])
+    cells, share = shared(a, b)
+    assert sorted(cells.tolist()) == [[-5, 2], [1, 0]]
+    assert share == pytest.approx(2.0 / 3.0)
+
+
+def test_the_pairs_overlap_as_much_as_their_bin_says(hives: tuple[Pair, ...]) -> None:
+    """Counted anew, from the maps themselves laid on each other at the true pose."""
+    assert {pair.bin for pair in hives} >= {"50 %", "80 %"}
+    for pair in hives:
+        if pair.bin not in BINS:
+            continue
+        low, high = BINS[pair.bin]
+        assert low <= pair.overlap < high
+        known = [_known(pair.a, np.zeros(3)), _known(pair.b, pair.T_a_b)]
+        share = len(known[0] & known[1]) / min(map(len, known))
+        assert share == pytest.approx(pair.overlap, abs=0.06)
+        assert pair.moved
+
+
+def _known(submap, T: np.ndarray) -> set[tuple[int, int]]:
+    rows, columns = np.nonzero(submap.grid.occupied | submap.grid.free)
+    centres = submap.grid.origin + (np.stack([columns, rows], -1) + 0.5) * submap.grid.resolution
+    return set(map(tuple, np.floor(se2.transform(T, centres) / CELL).astype(int).tolist()))
+
+
+def test_walls_coincide_at_the_true_pose(hives: tuple[Pair, ...]) -> None:
+    for pair in hives:
+        if pair.bin == "80 %":
+            moved = se2.transform(pair.T_a_b, pair.b.grid.occupied_points())
+            near = {tuple(c) for c in np.floor(pair.a.grid.occupied_points() / 0.3).astype(int)}
+            on = np.mean([tuple(c) in near for c in np.floor(moved / 0.3).astype(int)])
+            assert on > 0.6
+
+
+def test_the_frame_of_a_bent_map_is_that_of_the_place() -> None:
+    """Half the scans say the map lies a metre further: near them, it does."""
+    frames = np.array([[0.0, 0.0, 0.0]] * 5 + [[1.0, 0.0, 0.1]] * 5)
+    middles = np.array([[0.0, 0.0]] * 5 + [[40.0, 0.0]] * 5)
+    bent = piece([[0, 0]], frames, middles)
+    np.testing.assert_allclose(frame_near(bent, np.array([0.0, 0.0])), [0.0, 0.0, 0.0], atol=2e-3)
+    near = frame_near(bent, np.array([40.0, 0.0]))
+    at_place = se2.transform(se2.inverse(near), np.array([[40.0, 0.0]]))
+    expected = se2.transform(se2.inverse(frames[-1]), np.array([[40.0, 0.0]]))
+    np.testing.assert_allclose(at_place, expected, atol=0.02)
+
+
+def test_warp_of_a_rigid_map_is_none() -> None:
+    places = np.array([[0.0, 0.0], [5.0, 1.0], [9.0, 7.0]])
+    assert warp(np.tile([3.0, -2.0, 0.7], (3, 1)), places) == pytest.approx(0.0, abs=1e-9)
+    bent = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, np.radians(6.0)]])
+    assert warp(bent, places) > 1.0
+
+
+def test_best_rigid_recovers_a_pose() -> None:
+    points = np.random.default_rng(0).normal(0.0, 5.0, (20, 2))
+    T = np.array([1.0, -2.0, 2.5])
+    np.testing.assert_allclose(best_rigid(points, se2.transform(T, points)), T, atol=1e-9)
+
+
+def test_a_judge_measures_at_the_overlap() -> None:
+    """One degree of error ten metres away is 17 cm, whatever it is at the origin."""
+    T = np.array([1.0, 2.0, 0.5])
+    off = se2.compose(T, [0.0, 0.0, np.radians(1.0)])
+    stitch = Stitch(off, np.diag([0.1, 0.1, np.radians(0.5)]) ** 2, 1.0, 10.0, 1.0)
+    outcome, error, nees = judged(stitch, T, np.array([10.0, 0.0]))
+    assert outcome == "right"
+    assert error == pytest.approx((2.0 * 10.0 * np.sin(np.radians(0.5)), 1.0))
+    assert nees == pytest.approx(4.0)
+    assert judged(stitch, T, np.array([20.0, 0.0]))[0] == "false"
+    assert judged(NoStitch("no"), T, np.zeros(2))[0] == "refused"
+    turned = replace(stitch, T_a_b=se2.compose(T, [0.0, 0.0, np.radians(2.1)]), covariance=None)
+    outcome, _, nees = judged(turned, T, np.zeros(2))
+    assert outcome == "false"
+    assert np.isnan(nees)
+
+
+def test_priors_are_as_wrong_as_they_say() -> None:
+    rng = np.random.default_rng(0)
+    T = np.array([3.0, -1.0, 2.0])
+    distances = [float(drawn_prior(T, rng).distance(T[None])[0]) for _ in range(400)]
+    assert np.mean(distances) == pytest.approx(3.0, abs=0.4)
+
+
+def test_counting_by_hand() -> None:
+    rows = [row("right", nees=3.0), row("right", nees=6.0), row("false", nees=900.0), row("refused")]
+    rows += [row("refused", NONE), row("false", NONE)]
+    first, none, everything = lines(rows, [*BINS, NONE, TWINS])
+    assert (first.bin, none.bin, everything.bin) == ("30 %", NONE, ALL)
+    assert (first.right.count, first.right.n) == (2, 4)
+    assert (first.false.count, first.false.n) == (1, 3)
+    assert first.anees == pytest.approx(1.5)
+    assert (none.false.count, none.false.n, none.refused.value) == (1, 1, 0.5)
+    assert (everything.false.count, everything.false.n) == (2, 4)
+    assert everything.seconds == 0.5
+
+
+def test_wilson_interval() -> None:
+    low, high = Share(9, 10).interval
+    assert (low, high) == pytest.approx((0.5958, 0.9821), abs=1e-3)  # Brown, Cai & DasGupta 2001
+    assert Share(0, 10).interval[0] == 0.0
+    assert Share(10, 10).interval[1] == 1.0
+
+
+def test_some_furniture_moves_within_its_room_and_walls_do_not() -> None:
+    prisms = [*ROOM, *cupboard([0.8, 0.4, 0.0]), *table([4.5, 4.8, 0.0]), *cupboard([5.2, 1.0, 1.57])]
+    after = rearranged(tuple(prisms), ROUTE, np.random.default_rng(1))
+    assert after[:4] == tuple(ROOM)
+    corners = np.concatenate([prism.footprint for prism in after[4:]])
+    assert np.all((corners > 0.0) & (corners < 6.0))
+    assert np.min(np.linalg.norm(corners[:, None] - ROUTE, axis=2)) > 0.45
+    kept = {prism.footprint.tobytes() for prism in after}
+    assert any(prism.footprint.tobytes() not in kept for prism in prisms)
+
+
+def test_a_table_keeps_its_legs() -> None:
+    prisms = (*ROOM, *table([2.0, 1.2, 0.0]))
+    for seed in range(6):
+        after = rearranged(prisms, ROUTE, np.random.default_rng(seed))
+        assert len(after) in (4, 4 + 5)
+        if len(after) == 9:
+            top, legs = after[4], after[5:]
+            assert _spread([top, *legs]) == pytest.approx(_spread([top]), abs=1e-9)
+
+
+def _spread(prisms: list[Prism]) -> float:
+    corners = np.concatenate([prism.footprint for prism in prisms])
+    return float(np.max(np.linalg.norm(corners[:, None] - corners, axis=2)))
+
+
+def _square(k: int) -> int:
+    return k * k
+
+
+def test_work_is_returned_in_order() -> None:
+    assert list(in_order(_square, range(5), 1)) == [0, 1, 4, 9, 16]
+    assert list(in_order(_square, range(5), 2)) == [0, 1, 4, 9, 16]
+
+
+def test_a_worker_answers_as_this_process_does(hives: tuple[Pair, ...], tmp_path: Path) -> None:
+    """The command, with two processes, against the rows made here: the same but for the time they took."""
+    command = [sys.executable, "-m", "scenarios.ablate", "stitching", "--pairs", "1", "--seeds", "102"]
+    command += ["--scenarios", "beehive", "--methods", "htms,joint", "--workers", "2", "--format", "json"]
+    done = subprocess.run([*command, "-o", str(tmp_path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    here = [one for group in rows_of(hives, ("htms", "joint")) for one in group]
+    with (tmp_path / "results.csv").open(newline="") as file:
+        there = list(csv.DictReader(file))
+    assert len(there) == len(here)
+    for one, other in zip(here, there, strict=True):
+        expected = {name: str(value) for name, value in asdict(one).items() if name != "seconds"}
+        assert expected == {name: value for name, value in other.items() if name != "seconds"}
+    printed = json.loads(done.stdout)["lines"]
+    assert {line["method"] for line in printed} == {"htms", "joint", "joint + prior"}
+    assert sum(line["pairs"] for line in printed if line["bin"] == ALL) == len(here)
+
+
+def test_help_names_the_studies() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "scenarios.ablate"], capture_output=True, text=True, check=True
+    )
+    for name in STUDIES:
+        assert name in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["stiching"], "did you mean 'stitching'?"),
+        (["stitching", "--methods", "joynt"], "did you mean 'joint'?"),
+        (["stitching", "--scenarios", "hospitl"], "did you mean 'hospital'?"),
+        (["stitching", "--seeds", "9-1"], "expected first-last"),
+        (["stitching", "--pairs", "0"], "--pairs > 0"),
+        (["halmstad", "--data", "/nowhere"], "expected a folder"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], complaint: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "scenarios.ablate", *arguments], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert complaint in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""
+
+
+def test_lists_of_names_and_seeds() -> None:
+    assert chosen("b, a,b", ["a", "b"], "method") == ["b", "a"]
+    assert seeds_of("3-5") == [3, 4, 5]
+    assert seeds_of("7") == [7]
+    with pytest.raises(BadInput, match="expected a method"):
+        chosen(" ,", ["a"], "method")
