@@ -13,7 +13,9 @@ from stitch.config import AlignConfig
 
 
 def _icp() -> FrontendConfig:
-    unweighted = MatchConfig(levels=((0.5, 1), (0.3, 1)), mutual=True, robust=1e12, least_pairs=3, search_shift=0.0)
+    unweighted = MatchConfig(
+        levels=((0.5, 1), (0.3, 1)), mutual=True, robust=1e12, least_pairs=3, search_shift=0.0
+    )
     return replace(
         FrontendConfig(),
         method="icp",
