@@ -18,7 +18,7 @@ from slam.se2 import Array
 FROM = np.array([2.0, 2.5, 0.3])
 MOVED = np.array([0.15, -0.08, 0.06])
 ALONE = MatchConfig(search_shift=0.0)
-BADLY = np.array([-0.55, 0.55, 0.5])
+BADLY = np.array([-0.55, -0.55, -0.5])
 """An error of a guess that the descent alone does not recover from."""
 
 Look = Callable[..., Scan]
