@@ -150,6 +150,8 @@ def _seed(recording: Recording, state: _State, k: int, config: FrontendConfig) -
 
 
 def _moved(recording: Recording, j: int, k: int, config: FrontendConfig) -> bool:
+    if config.skip_distance <= 0.0 and config.skip_angle <= 0.0:
+        return True
     step = np.abs(se2.between(recording.dead_reckoning[j], recording.dead_reckoning[k]))
     return bool(np.any(step >= [config.skip_distance, config.skip_distance, config.skip_angle]))
 
@@ -194,7 +196,8 @@ def _accept(
         state.covariance[k] = result.covariance
         state.information[k] = se2.to_body_covariance(result.T_reference_scan, result.information)
         state.verdict[k] = Verdict.MATCHED
-        _learn(recording, state, k)
+        if config.calibrate and recording.source == "ins":
+            _learn(recording, state, k)
     else:
         state.poses[k] = seed
         j = int(state.reference[k])
@@ -209,6 +212,8 @@ def _believed(
     variances = np.abs(np.diag(result.covariance)) * [1e6, 1e6, 1.0]
     if not result.converged or np.any(variances > config.most_variance):
         return False
+    if np.isinf(config.most_innovation):
+        return True
     innovation = (se2.compose(_origin(state, config), result.T_reference_scan) - seed)[:2]
     expected = dead_reckoning.map_covariance(recording, state.last, k, seed)[:2, :2]
     return bool(innovation @ np.linalg.solve(expected, innovation) <= config.most_innovation)

@@ -18,7 +18,7 @@ from slam.matching.symmetric import eigh3
 WSM, ICP, PLICP = 0, 1, 2
 """Pair weight: inverse of both points' covariances (Pfister 2002), constant, along the reference's normal."""
 
-STILL, SETTLED, ROUGH = 1e-4, 5e-3, 5e-3
+STILL, SETTLED, ROUGH = 1e-4, 5e-3, 2e-2
 """Largest step [m, rad] at which iterating stops, at which a pose that still flickers between two sets of
 pairs counts as converged, and at which a coarse level gives way to the next."""
 

@@ -50,7 +50,7 @@ def match(
     number = {"wsm": WSM, "icp": ICP, "plicp": PLICP}[method]
     answer, fits, body, eigenvalues, tried = solve(
         number, COVARIANCES.index(covariance), config.solver == "alternating", reference.indexed,
-        scan.indexed, guess, prior, config.descent, config.level_table, _window(config, prior),
+        scan.indexed if config.mutual else scan.unindexed, guess, prior, config.descent, config.level_table, _window(config, prior),
         isinstance(reference, Reference),
     )  # fmt: skip
     pose, information, used, cost, iterations, converged = answer

@@ -43,6 +43,13 @@ class Reference:
 
         return self.cloud, build(self.cloud[0], SCAN_CELL, SCAN_SIDE)
 
+    @property
+    def unindexed(self) -> tuple[Cloud, Any]:
+        """The cloud and a lattice of nothing, for one who is only looked from."""
+        from slam.matching.neighbours import empty
+
+        return self.cloud, empty(0, SCAN_CELL, 1)
+
 
 class LocalMap:
     """The last scans, each put where it was seen from, as one reference; the oldest makes room for the
