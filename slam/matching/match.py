@@ -50,8 +50,8 @@ def match(
     number = {"wsm": WSM, "icp": ICP, "plicp": PLICP}[method]
     answer, fits, body, eigenvalues, tried = solve(
         number, COVARIANCES.index(covariance), config.solver == "alternating", reference.indexed,
-        scan.indexed if config.mutual else scan.unindexed, guess, prior, config.descent, config.level_table, _window(config, prior),
-        isinstance(reference, Reference),
+        scan.indexed if config.mutual else scan.unindexed, guess, prior, config.descent,
+        config.level_table, _window(config, prior), isinstance(reference, Reference),
     )  # fmt: skip
     pose, information, used, cost, iterations, converged = answer
     if used < config.least_pairs:
