@@ -41,8 +41,9 @@ def estimate(method, reference, scan, guess, prior, descent, levels, search, sti
     fits = misfit(reference[0], scan[0], pairs, answer[0])
     if shift <= 0.0:
         return answer, pairs, fits, np.zeros((3, 3)), 1
-    if answer[2] < least_share * len(pairs) or fits > most_misfit:
-        scores = correlate(reference[0][0], thinned(scan[0][0]), guess, shift, turn)
+    some = thinned(scan[0][0])
+    if len(some) > 0 and (answer[2] < least_share * len(pairs) or fits > most_misfit):
+        scores = correlate(reference[0][0], some, guess, shift, turn)
         starts = best_apart(scores, guess, CANDIDATES)
         answer, pairs, poses, costs = _compare(
             method, reference, scan, starts, guess, prior, descent, fine, margin, answer, pairs, poses, costs
@@ -54,8 +55,7 @@ def estimate(method, reference, scan, guess, prior, descent, levels, search, sti
         )
         if still and np.hypot(guess[0], guess[1]) < shift and abs(guess[2]) < turn:
             others = np.full(len(pairs), -1, np.int64)
-            rest = np.zeros(3)
-            other = descend(method, reference, scan, rest, rest, prior, descent, fine[-1:], others)
+            other = descend(method, reference, scan, np.zeros(3), guess, prior, descent, fine[-1:], others)
             if misfit(reference[0], scan[0], others, other[0]) < SAME_SCAN:
                 answer, pairs = other, others
     fits = misfit(reference[0], scan[0], pairs, answer[0])

@@ -20,6 +20,9 @@ CELL, ANGLE = 0.1, np.radians(2.0)
 APART, APART_ANGLE = 2, 3
 """Steps within which a score is taken for the shoulder of a better one."""
 
+FARTHEST = 40.0
+"""Range [m] beyond which a point is not searched with: the raster grows with its square."""
+
 THIN, MOST_POINTS = 0.1, 90
 """Distance [m] of the scan's points that are looked at, and about how many they are at most."""
 
@@ -75,10 +78,13 @@ def smear(points, low, high):
 
 @njit(cache=True)
 def thinned(points):
-    """Those of ``points (n, 2)`` in beam order that are `THIN` m from the one before."""
+    """Those of ``points (n, 2)`` in beam order that are `THIN` m from the one before, and no farther than
+    `FARTHEST`."""
     rows = np.empty(len(points), np.int64)
     count, last = 0, -1
     for i in range(len(points)):
+        if np.hypot(points[i, 0], points[i, 1]) > FARTHEST:
+            continue
         if last < 0 or np.hypot(points[i, 0] - points[last, 0], points[i, 1] - points[last, 1]) >= THIN:
             rows[count] = i
             count += 1

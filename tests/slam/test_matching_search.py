@@ -67,6 +67,20 @@ def test_answers_that_fit_as_well_widen_the_covariance() -> None:
     np.testing.assert_array_equal(_spread(np.empty((0, 3)), np.empty(0), best, 50.0), np.zeros((3, 3)))
 
 
+def test_a_prior_outweighs_a_repeated_scan(corridor: Array, look: Look) -> None:
+    reference = look(corridor, np.zeros(3), np.random.default_rng(1))
+    guess = np.array([0.3, 0.0, 0.0])
+    known = match(reference, reference, guess, prior_information=np.diag([1e6, 1.0, 1.0]))
+    assert isinstance(known, Match)
+    assert known.T_reference_scan[0] == pytest.approx(0.3, abs=0.01)
+
+
+def test_far_points_do_not_make_a_huge_raster() -> None:
+    far = np.array([[1.0, 0.0], [5e4, 0.0], [0.0, 2.0]])
+    np.testing.assert_array_equal(thinned(far), far[[0, 2]])
+    assert len(thinned(far[1:2])) == 0
+
+
 def test_a_prior_narrows_the_search(room: Array, look: Look) -> None:
     rng = np.random.default_rng(3)
     reference, scan = look(room, FROM, rng), look(room, se2.compose(FROM, MOVED), rng)

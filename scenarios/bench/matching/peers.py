@@ -57,7 +57,10 @@ def _small_gicp(small_gicp: Any) -> dict[str, Matcher]:
         return small_gicp.preprocess_points(cloud, VOXEL, NEIGHBOURS, num_threads=1)
 
     def matcher(kind: str) -> Matcher:
+        """The matcher of one ``registration_type`` of small_gicp."""
+
         def answer(reference: Any, scan: Any, guess: Array) -> Answer:
+            """Pose of the scan in the reference's frame, from a guess ``(3,)``; no covariance."""
             (target, tree), (source, _) = reference, scan
             found = small_gicp.align(
                 target, source, tree, to_space(guess),
