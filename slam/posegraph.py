@@ -72,6 +72,18 @@ class PoseGraph:
             loop=np.concatenate([self.loop, np.ones(len(edges), dtype=bool)]),
         )
 
+    def with_only(self, loops: np.ndarray) -> PoseGraph:
+        """The graph without the loops for which ``loops (L,)`` bool, in their order, is False."""
+        kept = ~self.loop
+        kept[np.flatnonzero(self.loop)[loops]] = True
+        return replace(
+            self,
+            edges=self.edges[kept],
+            T_ij=self.T_ij[kept],
+            information=self.information[kept],
+            loop=self.loop[kept],
+        )
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -103,16 +115,35 @@ def optimise(graph: PoseGraph, loss: Loss = "gnc", relinearisations: int = RELIN
     return Solution(poses, weights)
 
 
+def informations(edges: np.ndarray, covariance: Array) -> Array:
+    """Information ``(E, 3, 3)`` of edges ``(E, 2)`` from their covariances ``(E, 3, 3)``.
+
+    Raises ``ValueError`` naming the first edge whose covariance is not finite or not positive definite.
+    """
+    covariance = np.reshape(covariance, (-1, 3, 3))
+    _refuse(edges, ~np.all(np.isfinite(covariance), axis=(1, 2)), "covariance", "finite")
+    lowest = _eigenvalues(covariance)
+    _refuse(edges, lowest[:, 0] <= 1e-12 * lowest[:, 2], "covariance", "positive definite")
+    return np.linalg.inv(covariance)
+
+
 def _check_information(graph: PoseGraph) -> None:
     """gtsam takes an indefinite matrix without a word."""
-    information = graph.information
-    if not np.all(np.isfinite(information)):
-        raise ValueError("pose graph: an edge's information is not finite")
-    lowest = np.linalg.eigvalsh(0.5 * (information + np.swapaxes(information, -1, -2)))
-    bad = np.flatnonzero(lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0))
-    if len(bad):
-        i, j = graph.edges[bad[0]]
-        raise ValueError(f"pose graph: the information of edge {i}-{j} is not positive semi-definite")
+    finite = np.all(np.isfinite(graph.information), axis=(1, 2))
+    _refuse(graph.edges, ~finite, "information", "finite")
+    lowest = _eigenvalues(graph.information)
+    indefinite = lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0)
+    _refuse(graph.edges, indefinite, "information", "positive semi-definite")
+
+
+def _eigenvalues(matrices: Array) -> Array:
+    return np.linalg.eigvalsh(0.5 * (matrices + np.swapaxes(matrices, -1, -2)))
+
+
+def _refuse(edges: np.ndarray, bad: np.ndarray, what: str, expected: str) -> None:
+    if np.any(bad):
+        i, j = edges[int(np.argmax(bad))]
+        raise ValueError(f"pose graph: the {what} of edge {i}-{j} is not {expected}")
 
 
 def _solve(graph: PoseGraph, loss: Loss) -> tuple[Array, Array]:
@@ -205,18 +236,18 @@ def marginals(graph: PoseGraph, solution: Solution) -> Array:
     """Covariances ``(K, 3, 3)`` in the body frame at a solution, without the loops it switched off."""
     import gtsam
 
-    kept = ~graph.loop
-    kept[np.flatnonzero(graph.loop)[solution.weights > 0.5]] = True
-    trusted = replace(
-        graph,
-        poses=solution.poses,
-        edges=graph.edges[kept],
-        T_ij=graph.T_ij[kept],
-        information=graph.information[kept],
-        loop=graph.loop[kept],
-    )
+    trusted = replace(graph.with_only(solution.weights > 0.5), poses=solution.poses)
     found = gtsam.Marginals(_factors(trusted, "none"), _initial(solution.poses))
     return np.array([found.marginalCovariance(k) for k in range(len(solution.poses))])
+
+
+def joint_covariance(graph: PoseGraph) -> Array:
+    """Covariance ``(3K, 3K)`` of all poses together at the graph's own, in their body frames.
+
+    All edges count, loops too. Dense: for graphs of up to some thousand nodes.
+    """
+    hessian, _ = _factors(graph, "none").linearize(_initial(graph.poses)).hessian()
+    return np.linalg.inv(hessian)
 
 
 def _poses(values: Any) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import chi2
 
 from scenarios.evaluation.metric import Metric, measured, missing
 from slam import se2
@@ -24,6 +25,30 @@ def squared_errors(poses: Array, covariance: Array, truth: Array) -> Array:
     usable[usable] = np.linalg.eigvalsh(sigma[usable])[:, 0] > 0.0
     error, sigma = error[usable], sigma[usable]
     return np.einsum("ni,ni->n", error, np.linalg.solve(sigma, error[..., None])[..., 0])
+
+
+def last_squared_error(poses: Array, covariance: Array | None, truth: Array) -> float:
+    """Normalised estimation error squared of the last pose, expected 3; NaN where no covariance is usable.
+
+    One number per drive: over many drives these are independent, which the poses of one drive are not.
+    """
+    if covariance is None:
+        return float("nan")
+    ends = [0, -1]
+    found = squared_errors(poses[ends], covariance[ends], truth[ends])
+    return float(found[0]) if len(found) else float("nan")
+
+
+def band(runs: int, probability: float = 0.95) -> tuple[float, float]:
+    """Between what an honest covariance's average over ``runs`` independent errors squared, / 3, lies.
+
+    χ² with ``3 runs`` degrees of freedom (Bar-Shalom, Li & Kirubarajan 2001, §5.4). Raises ``ValueError`` for
+    no runs.
+    """
+    if runs < 1:
+        raise ValueError(f"band: expected one run or more, got {runs}")
+    tail, freedom = (1.0 - probability) / 2.0, 3 * runs
+    return float(chi2.ppf(tail, freedom)) / freedom, float(chi2.ppf(1.0 - tail, freedom)) / freedom
 
 
 def consistency_metrics(

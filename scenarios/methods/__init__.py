@@ -1,4 +1,4 @@
-"""The methods that are compared: each turns a recording into an estimate. None of them sees the truth."""
+"""The methods that are compared: each turns a recording into an estimate. Only the oracle sees the truth."""
 
 from __future__ import annotations
 
@@ -52,5 +52,21 @@ def slamstitch(recording: Recording, config: MethodConfig) -> Estimate:
     return run(recording, config)
 
 
-METHODS: dict[str, Method] = {method.__name__: method for method in (ins, icp, wsm, htms, slamstitch)}
+def oracle(recording: Recording, config: MethodConfig) -> Estimate:
+    """Ours with the true cuts and the true loop closures: what is left to gain."""
+    from scenarios.methods.oracle import run
+
+    return run(recording, config)
+
+
+METHODS: dict[str, Method] = {method.__name__: method for method in (ins, icp, wsm, htms, slamstitch, oracle)}
 """Name → method."""
+
+SEES_TRUTH = ("oracle",)
+"""Methods that refuse a recording without truth."""
+
+FAIR: tuple[str, ...] = tuple(name for name in METHODS if name not in SEES_TRUTH)
+"""Methods that know what a robot knows: those that run when nobody asks for others."""
+
+REHEARSED_AS = {"oracle": "slamstitch"}
+"""A rehearsal knows no truth: who loads the kernels of a method that sees it."""

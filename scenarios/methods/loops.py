@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -11,12 +13,32 @@ from scipy.sparse.csgraph import dijkstra
 
 from scenarios.estimate import TriedStitch
 from slam import se2
-from slam.posegraph import PoseGraph, optimise
+from slam.consistency import consistent_loops
+from slam.posegraph import Loss, PoseGraph, Solution, informations, optimise
 from slam.se2 import Array
 from slam.submap import Submap
-from stitch.align import NoStitch, Prior, Stitch, align
+from stitch.align import NoStitch, Prior, Stitch
 from stitch.config import AlignConfig
 from stitch.verification import Acceptance
+
+BackEnd = Literal["gnc", "dcs", "none", "pcm", "pcm_gnc"]
+BACK_ENDS: dict[BackEnd, tuple[bool, Loss]] = {
+    "gnc": (False, "gnc"),
+    "dcs": (False, "dcs"),
+    "none": (False, "none"),
+    "pcm": (True, "none"),
+    "pcm_gnc": (True, "gnc"),
+}
+"""How the graph judges stitches: whether the largest consistent set is taken first, and the loss of the rest.
+
+"none" keeps every stitch.
+"""
+
+INJECTED_OFFSET = (1.0, 5.0)
+"""A false stitch that is injected lies this far [m] from where the graph has its submap, turned by any
+angle."""
+
+Stitcher = Callable[[Submap, Submap, Prior], Stitch | NoStitch]
 
 
 @dataclass(frozen=True)
@@ -27,7 +49,9 @@ class LoopConfig:
     middles may lie within ``reach`` m, no two of them closer than ``spread`` submaps along the drive. The
     search window grows with the graph distance: ``window`` (m at distance zero, m per m, most m),
     ``window_ins`` for an INS, and ``window_angle`` likewise in rad. ``trusted_edge`` m is how long an
-    accepted loop counts in that distance, ``broken_edge`` m what a failure adds to it.
+    accepted loop counts in that distance, ``broken_edge`` m what a failure adds to it. ``back_end`` judges
+    the stitches. For ablation: of all stitches a share of ``injected`` is made up, drawn with
+    ``injected_seed``.
     """
 
     length: float = 3.0
@@ -41,6 +65,15 @@ class LoopConfig:
     broken_edge: float = 15.0
     rounds: int = 2
     align: AlignConfig = field(default_factory=lambda: AlignConfig(acceptance=Acceptance(max_conflict=0.12)))
+    back_end: BackEnd = "gnc"
+    injected: float = 0.0
+    injected_seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.back_end not in BACK_ENDS:
+            raise ValueError(f"back_end: expected one of {', '.join(BACK_ENDS)}, got {self.back_end!r}")
+        if not 0.0 <= self.injected < 1.0:
+            raise ValueError(f"injected: expected a share of at least 0 and below 1, got {self.injected}")
 
 
 @dataclass(frozen=True)
@@ -65,7 +98,7 @@ class _Search:
         broken = np.array([a.stop != b.start for a, b in pairwise(submaps)], dtype=float)
         walked = np.linalg.norm(np.diff(backbone.poses[:, :2], axis=0), axis=1)
         self.steps = walked + config.broken_edge * broken
-        self.middles = np.array([submap.points.points.mean(axis=0) for submap in submaps])
+        self.middles = np.array([_middle(submap) for submap in submaps])
 
     def accepted(self) -> list[tuple[tuple[int, int], Stitch]]:
         """Pairs that were stitched, in the order of trying, whatever the graph thinks of them."""
@@ -110,43 +143,98 @@ class _Search:
 
     def graph(self) -> PoseGraph:
         """The backbone with every accepted stitch as a loop."""
-        found = self.accepted()
-        pairs = np.array([pair for pair, _ in found], dtype=np.int64).reshape(-1, 2)
-        T_ab = np.array([stitch.T_a_b for _, stitch in found]).reshape(-1, 3)
-        information = np.array([np.linalg.inv(np.asarray(stitch.covariance)) for _, stitch in found]).reshape(
-            -1, 3, 3
-        )
-        return self.backbone.with_loops(pairs, T_ab, information)
+        return with_stitches(self.backbone, self.accepted())
 
     def settle(self) -> None:
         """Let the robust graph place the submaps and judge the stitches."""
-        solution = optimise(replace(self.graph(), poses=self.poses))
+        solution = settled(replace(self.graph(), poses=self.poses), self.config.back_end)
         self.poses, self.weights = solution.poses, solution.weights
 
 
-def close(submaps: list[Submap], backbone: PoseGraph, source: str, config: LoopConfig) -> Closed:
+def _middle(submap: Submap) -> Array:
+    """Middle ``(2,)`` of a submap's points; its anchor where it has none."""
+    points = submap.points.points
+    return points.mean(axis=0) if len(points) else np.zeros(2)
+
+
+def with_stitches(graph: PoseGraph, stitches: Sequence[tuple[tuple[int, int], Stitch]]) -> PoseGraph:
+    """The graph with stitches between its nodes as further loops.
+
+    Raises ``ValueError`` naming the pair whose covariance is not positive definite.
+    """
+    pairs = np.array([pair for pair, _ in stitches], dtype=np.int64).reshape(-1, 2)
+    T_ab = np.array([stitch.T_a_b for _, stitch in stitches]).reshape(-1, 3)
+    covariance = np.array([stitch.covariance for _, stitch in stitches], dtype=np.float64)
+    return graph.with_loops(pairs, T_ab, informations(pairs, covariance))
+
+
+def settled(graph: PoseGraph, back_end: BackEnd) -> Solution:
+    """Poses of the graph and weights of its loops, as a back end judges them."""
+    first_consistent, loss = BACK_ENDS[back_end]
+    if not first_consistent or not np.any(graph.loop):
+        return optimise(graph, loss)
+    kept = consistent_loops(graph)
+    solution = optimise(graph.with_only(kept), loss)
+    weights: Array = np.zeros(len(kept))
+    weights[kept] = solution.weights
+    return Solution(solution.poses, weights)
+
+
+def close(
+    submaps: list[Submap], backbone: PoseGraph, source: str, config: LoopConfig, stitch: Stitcher
+) -> Closed:
     """Stitch submaps to earlier ones in the order of the drive, re-optimising whenever a stitch was
     found.
 
     ``backbone`` is the graph over the submaps' anchors, node k = submap k; ``source`` tells an INS from
-    odometry.
+    odometry; ``stitch`` answers for a pair and where the graph expects it.
     """
     search = _Search(submaps, backbone, source, config)
     for _ in range(config.rounds):
         asked = len(search.results)
         for b in range(1, len(submaps)):
-            tried = {
-                (a, b): align(submaps[a], submaps[b], search.prior(a, b), config.align)
-                for a in search.candidates(b)
-            }
+            tried = {(a, b): stitch(submaps[a], submaps[b], search.prior(a, b)) for a in search.candidates(b)}
             search.results.update(tried)
             if any(isinstance(result, Stitch) for result in tried.values()):
                 search.settle()
         if len(search.results) == asked:
             break
-    kept = iter(search.weights)
-    stitches = [
-        TriedStitch(a, b, result, float(next(kept)) if isinstance(result, Stitch) else None)
-        for (a, b), result in search.results.items()
-    ]
-    return Closed(search.graph(), search.poses, tuple(stitches))
+    tried_stitches = tuple(TriedStitch(a, b, result) for (a, b), result in search.results.items())
+    return Closed(search.graph(), search.poses, weighed(tried_stitches, search.weights))
+
+
+def weighed(tried: tuple[TriedStitch, ...], weights: Array) -> tuple[TriedStitch, ...]:
+    """Tried stitches with the graph's ``weights (L,)`` of those that got there, in their order."""
+    left = iter(weights)
+    return tuple(
+        replace(one, weight=float(next(left))) if isinstance(one.result, Stitch) else one for one in tried
+    )
+
+
+def with_false(closed: Closed, start: Array, config: LoopConfig, rng: np.random.Generator) -> Closed:
+    """The loops with so many false ones among them that these are a share of ``config.injected``, judged
+    anew from the poses ``start (K, 3)``. Without any stitch nothing is injected.
+    """
+    found = [one.result for one in closed.tried if isinstance(one.result, Stitch)]
+    if not found:
+        return closed
+    count = round(len(found) * config.injected / (1.0 - config.injected))
+    false = [false_stitch(closed.poses, found, rng) for _ in range(count)]
+    graph = with_stitches(closed.graph, false)
+    solution = settled(replace(graph, poses=start), config.back_end)
+    tried = (*closed.tried, *(TriedStitch(a, b, stitch) for (a, b), stitch in false))
+    return Closed(graph, solution.poses, weighed(tried, solution.weights))
+
+
+def false_stitch(
+    poses: Array, found: Sequence[Stitch], rng: np.random.Generator
+) -> tuple[tuple[int, int], Stitch]:
+    """A stitch of two nodes drawn by chance, off by `INJECTED_OFFSET` from where ``poses (K, 3)`` have them.
+
+    It claims the covariance of one of the stitches ``found``.
+    """
+    a, b = sorted(rng.choice(len(poses), 2, replace=False).tolist())
+    distance, (bearing, yaw) = rng.uniform(*INJECTED_OFFSET), rng.uniform(-np.pi, np.pi, 2)
+    offset = np.array([distance * np.cos(bearing), distance * np.sin(bearing), yaw])
+    T_a_b = se2.compose(se2.between(poses[a], poses[b]), offset)
+    return (a, b), replace(found[int(rng.integers(len(found)))], T_a_b=T_a_b)

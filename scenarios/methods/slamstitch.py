@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from scenarios.estimate import Estimate
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.loops import close
+from scenarios.methods.loops import Stitcher, close, with_false
 from slam import bundle, chain, keyframes, se2
 from slam.companions import without_companions
 from slam.frontend import track
 from slam.posegraph import marginals, optimise
 from slam.recording import Recording
-from slam.scan import scans_of
+from slam.scan import Scan, scans_of
 from slam.segmentation import Segment, segments
 from slam.submap import cut
 from slam.track import Track, Verdict
+from stitch.align import align
 
 
 def run(recording: Recording, config: MethodConfig) -> Estimate:
@@ -26,23 +29,40 @@ def run(recording: Recording, config: MethodConfig) -> Estimate:
     bundle."""
     scans = without_companions(recording, scans_of(recording))
     found = track(recording, config.frontend, scans)
+    stitch = partial(align, config=config.loops.align)
+    return mapped("slamstitch", recording, scans, found, config, stitch)
+
+
+def mapped(
+    method: str,
+    recording: Recording,
+    scans: Sequence[Scan],
+    found: Track,
+    config: MethodConfig,
+    stitch: Stitcher,
+) -> Estimate:
+    """What follows a front end's track: cut, stitch by ``stitch``, close, adjust."""
     matched = found.verdict != Verdict.FELL_BACK
     drawn = np.array([k for k in keyframes.choose(found.poses) if matched[k]])
     stretches = chop(found, segments(found, config.segmentation), config.loops.length)
     if not stretches:  # too little was matched to be a map
-        return Estimate("slamstitch", found.poses, track=found)
+        return Estimate(method, found.poses, track=found)
     submaps = [
         cut(recording, scans, found.poses, s.start, s.stop, np.union1d(drawn, s.start)) for s in stretches
     ]
     anchors = np.array([s.start for s in stretches])
-    closed = close(submaps, chain.backbone(recording, found, anchors), recording.source, config.loops)
+    backbone = chain.backbone(recording, found, anchors)
+    closed = close(submaps, backbone, recording.source, config.loops, stitch)
+    if config.loops.injected > 0.0:
+        rng = np.random.default_rng(config.loops.injected_seed)
+        closed = with_false(closed, backbone.poses, config.loops, rng)
     poses = keyframes.carry(found.poses, anchors, closed.poses)
     rows = keyframes.choose(poses)
     reckoned = chain.reckoning(recording, poses, rows)
     graph = bundle.adjust([scans[k] for k in rows], reckoned, matched[rows], config.bundle)
     settled = optimise(graph, "none")
     return Estimate(
-        "slamstitch",
+        method,
         keyframes.carry(poses, rows, settled.poses),
         covariance=marginals(graph, settled)[keyframes.nearest(rows, len(recording))],
         track=found,

@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from scenarios.evaluation.consistency import consistency_metrics, squared_errors
+from scenarios.evaluation.consistency import (
+    band,
+    consistency_metrics,
+    last_squared_error,
+    squared_errors,
+)
 from slam import se2
 
 SIGMA = np.diag([0.04, 0.01, 0.0025])
@@ -50,3 +55,36 @@ def test_poses_without_covariance_are_left_out():
 def test_what_is_missing_is_a_reason(covariance, truth, reason):
     (metric,) = consistency_metrics("x", np.zeros((2, 3)), covariance, truth)
     assert metric.reason == reason
+
+
+@pytest.mark.parametrize(
+    ("runs", "low", "high"),
+    [(1, 0.2158 / 3, 9.3484 / 3), (10, 16.7908 / 30, 46.9792 / 30), (20, 40.4817 / 60, 83.2977 / 60)],
+)
+def test_bands_are_those_of_the_tables(runs, low, high):
+    """Quantiles of χ² with 3, 30 and 60 degrees of freedom, as printed in any statistics book."""
+    assert band(runs) == pytest.approx((low, high), rel=1e-4)
+
+
+def test_bands_hold_what_they_promise():
+    nees = np.random.default_rng(1).chisquare(3, (4000, 5)).mean(axis=1) / 3
+    low, high = band(5, 0.9)
+    assert np.mean((low < nees) & (nees < high)) == pytest.approx(0.9, abs=0.02)
+
+
+def test_no_runs_have_no_band():
+    with pytest.raises(ValueError, match="one run or more"):
+        band(0)
+
+
+def test_the_last_pose_by_hand():
+    """The poses between do not matter: the last is 0.2 m behind and 0.1 rad off."""
+    truth = np.array([[5.0, 0, 0], [6, 0, 0], [7, 0, 0.1]])
+    estimate = np.array([[0.0, 0, 0], [9, 9, 9], [1.8, 0, 0]])
+    covariance = np.stack([SIGMA] * 3)
+    error = se2.log(se2.between(estimate[2], [2.0, 0, 0.1]))
+    expected = error @ np.linalg.solve(SIGMA, error)
+    assert last_squared_error(estimate, covariance, truth) == pytest.approx(expected)
+    assert expected == pytest.approx(0.2**2 / 0.04 + 0.1**2 / 0.0025, rel=0.02)
+    assert np.isnan(last_squared_error(estimate, None, truth))
+    assert np.isnan(last_squared_error(estimate, covariance * np.nan, truth))

@@ -7,20 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.estimate import Estimate
-from scenarios.methods import METHODS
+from scenarios.cli import BadInput
+from scenarios.estimate import Estimate, TriedStitch
+from scenarios.methods import FAIR, METHODS, SEES_TRUTH
 from scenarios.methods.config import MethodConfig
+from scenarios.methods.loops import BACK_ENDS, Closed, LoopConfig, settled, with_false, with_stitches
+from scenarios.methods.oracle import failures, with_true_failures
 from scenarios.methods.slamstitch import chop
+from scenarios.run import Options
 from sim.laser import Raycaster
 from slam import se2
+from slam.posegraph import PoseGraph
 from slam.recording import Laser, Recording
 from slam.se2 import Array
 from slam.segmentation import Segment
 from slam.track import Track, Verdict
+from stitch.align import NoStitch, Stitch
 
 ANGLES = np.radians(np.linspace(-110.0, 110.0, 111))
 LASER = Laser(range_max=8.0)
-SEES_TRUTH = {"oracle"}
 BLIND = [*range(22, 24)]
 N = 56
 
@@ -125,14 +130,14 @@ def test_a_pose_for_every_scan(estimates: dict[tuple[str, str], Estimate], name:
         assert tried.weight is None or 0.0 <= tried.weight <= 1.0
 
 
-@pytest.mark.parametrize("name", sorted(set(METHODS) - SEES_TRUTH))
+@pytest.mark.parametrize("name", FAIR)
 @pytest.mark.parametrize("source", ["ins", "odometry"])
 def test_the_truth_is_not_read(estimates: dict[tuple[str, str], Estimate], name: str, source: str) -> None:
     recording = drive(source)
     assert_same(METHODS[name](replace(recording, truth=None), config()), estimates[name, source])
 
 
-@pytest.mark.parametrize("name", sorted(set(METHODS) - SEES_TRUTH))
+@pytest.mark.parametrize("name", FAIR)
 def test_another_truth_changes_nothing_and_a_second_run_neither(
     estimates: dict[tuple[str, str], Estimate], name: str
 ) -> None:
@@ -140,7 +145,7 @@ def test_another_truth_changes_nothing_and_a_second_run_neither(
     assert_same(METHODS[name](replace(drive("ins"), truth=lie), config()), estimates[name, "ins"])
 
 
-@pytest.mark.parametrize("name", sorted(set(METHODS) - SEES_TRUTH))
+@pytest.mark.parametrize("name", FAIR)
 @pytest.mark.parametrize("source", ["ins", "odometry"])
 @pytest.mark.parametrize("scans", [1, 2, 9])
 def test_where_nothing_can_be_matched_there_is_dead_reckoning(name: str, source: str, scans: int) -> None:
@@ -192,3 +197,152 @@ def test_chop_at_rest_is_one_piece() -> None:
     nothing = np.zeros((5, 3, 3))
     track = Track(np.zeros((5, 3)), np.zeros(5), np.arange(-1, 4), nothing, nothing, np.zeros(5), {})
     assert chop(track, (Segment(0, 5),), 1.0) == [Segment(0, 5)]
+
+
+@pytest.mark.parametrize("name", SEES_TRUTH)
+def test_who_needs_the_truth_says_so_in_one_line(name: str) -> None:
+    with pytest.raises(BadInput, match=r"^oracle: expected a recording with truth, circle has none$"):
+        METHODS[name](replace(drive("ins"), truth=None), config())
+
+
+def test_nobody_is_told_the_truth_unasked() -> None:
+    assert set(METHODS) == {*FAIR, *SEES_TRUTH}
+    assert Options().methods.split(",") == list(FAIR)
+
+
+def test_the_oracles_stitches_are_true_and_all_kept(estimates: dict[tuple[str, str], Estimate]) -> None:
+    truth, estimate = circle(), estimates["oracle", "odometry"]
+    stitched = [tried for tried in estimate.stitches if isinstance(tried.result, Stitch)]
+    assert stitched
+    for tried in stitched:
+        a, b = estimate.submaps[tried.a].start, estimate.submaps[tried.b].start
+        np.testing.assert_allclose(tried.result.T_a_b, se2.between(truth[a], truth[b]), atol=1e-12)  # type: ignore[union-attr]
+        assert np.all(np.linalg.eigvalsh(tried.result.covariance) > 0.0)  # type: ignore[union-attr]
+        assert tried.weight == 1.0
+
+
+def straight_track(n: int) -> Track:
+    """One metre a scan straight ahead, all matched; the fourth scan says it was lost."""
+    poses = np.column_stack([np.arange(float(n)), np.zeros(n), np.zeros(n)])
+    nothing = np.zeros((n, 3, 3))
+    trace = np.zeros(n)
+    trace[3], trace[1] = np.inf, np.nan
+    return Track(poses, np.zeros(n), np.arange(-1, n - 1), nothing, nothing, np.zeros(n), {"trace2": trace})
+
+
+def test_failures_are_steps_off_by_10_cm_or_2_degrees() -> None:
+    truth = straight_track(6).poses
+    poses = truth.copy()
+    poses[2:, 0] += 0.09
+    poses[3:, 1] += 0.11
+    poses[4:] = se2.compose(poses[4], se2.compose([0, 0, np.radians(1.9)], se2.between(poses[4], poses[4:])))
+    poses[5] = se2.compose(poses[5], [0, 0, np.radians(-2.1)])
+    np.testing.assert_array_equal(failures(poses, truth), [False, False, False, True, False, True])
+
+
+def test_the_oracle_is_cut_where_a_step_failed_and_nowhere_else() -> None:
+    """It slid by half a metre unnoticed: there it now follows the wheels, and the drive after it is as
+    driven."""
+    track, n = straight_track(6), 6
+    truth = track.poses
+    slid = truth.copy()
+    slid[4:, 0] += 0.5
+    recording = Recording("line", np.arange(6.0), np.ones((n, 3)), np.arange(3.0), LASER, truth, truth=truth)
+    told = with_true_failures(recording, replace(track, poses=slid), truth, "trace2")
+    np.testing.assert_allclose(told.poses, truth, atol=1e-12)
+    np.testing.assert_array_equal(np.flatnonzero(told.verdict == Verdict.FELL_BACK), [4])
+    np.testing.assert_array_equal(told.confidence["trace2"], [0, np.nan, 0, 0, np.inf, 0])
+
+
+def looped() -> tuple[PoseGraph, Closed]:
+    """Ten nodes in a line whose steps are a little off, two true stitches, a refused pair, and the answer."""
+    truth = np.column_stack([np.arange(10.0), np.zeros(10), np.zeros(10)])
+    k = np.arange(9)
+    step = np.tile([1.02, 0.0, 0.004], (9, 1))
+    poses = [truth[0]]
+    for one in step:
+        poses.append(se2.compose(poses[-1], one))
+    information = np.tile(np.diag(np.array([0.05, 0.05, 0.01]) ** -2), (9, 1, 1))
+    line = PoseGraph(np.array(poses), np.stack([k, k + 1], -1), step, information)
+    pairs = [(0, 5), (3, 9)]
+    stitches = [
+        Stitch(se2.between(truth[a], truth[b]), np.diag([0.02, 0.02, 0.005]) ** 2, 1.0, 9.0, 1.0)
+        for a, b in pairs
+    ]
+    graph = with_stitches(line, list(zip(pairs, stitches, strict=True)))
+    solution = settled(graph, "gnc")
+    tried = [TriedStitch(a, b, s, 1.0) for (a, b), s in zip(pairs, stitches, strict=True)]
+    return line, Closed(graph, solution.poses, (tried[0], TriedStitch(1, 7, NoStitch("no")), tried[1]))
+
+
+@pytest.mark.parametrize("back_end", BACK_ENDS)
+def test_false_stitches_harm_plain_least_squares_only(back_end: str) -> None:
+    line, closed = looped()
+    before = settled(closed.graph, back_end).poses  # type: ignore[arg-type]
+    options = LoopConfig(back_end=back_end, injected=0.5)  # type: ignore[arg-type]
+    after = with_false(closed, line.poses, options, np.random.default_rng(3))
+    moved = np.abs(after.poses[:, :2] - before[:, :2]).max()
+    weights = [tried.weight for tried in after.tried]
+    assert weights[1] is None
+    assert len(weights) == 5
+    if back_end == "none":
+        assert moved > 0.3
+        assert weights == [1.0, None, 1.0, 1.0, 1.0]
+    else:
+        assert moved < 0.02
+        kept = back_end != "dcs"  # from a poor start it doubts the true ones as well
+        assert [w is not None and w > 0.5 for w in weights] == [kept, False, kept, False, False]
+
+
+def test_injected_stitches_are_a_share_are_wrong_and_claim_what_true_ones_do() -> None:
+    line, closed = looped()
+    options = LoopConfig(injected=0.8)
+    after = with_false(closed, line.poses, options, np.random.default_rng(0))
+    again = with_false(closed, line.poses, options, np.random.default_rng(0))
+    np.testing.assert_array_equal(after.poses, again.poses)
+    false = after.tried[3:]
+    assert len(false) == 8  # of ten
+    for tried in false:
+        assert isinstance(tried.result, Stitch)
+        error = se2.between(se2.between(closed.poses[tried.a], closed.poses[tried.b]), tried.result.T_a_b)
+        assert 1.0 <= np.hypot(error[0], error[1]) <= 5.0
+        np.testing.assert_array_equal(tried.result.covariance, closed.tried[0].result.covariance)  # type: ignore[union-attr]
+
+
+def test_nothing_is_injected_where_nothing_was_stitched() -> None:
+    line, _ = looped()
+    closed = Closed(line, line.poses, (TriedStitch(1, 7, NoStitch("no")),))
+    assert with_false(closed, line.poses, LoopConfig(injected=0.5), np.random.default_rng(0)) is closed
+
+
+def test_a_stitch_without_a_proper_covariance_is_refused_by_name() -> None:
+    line, closed = looped()
+    stitch = replace(closed.tried[0].result, covariance=np.diag([1.0, -1.0, 1.0]))  # type: ignore[type-var]
+    with pytest.raises(ValueError, match="covariance of edge 2-6 is not positive definite"):
+        with_stitches(line, [((2, 6), stitch)])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"back_end": "gcn"}, "back_end: expected one of gnc"),
+        ({"injected": 1.0}, "injected: expected a share"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(settings: dict[str, object], complaint: str) -> None:
+    with pytest.raises(ValueError, match=complaint):
+        LoopConfig(**settings)  # type: ignore[arg-type]
+
+
+def test_the_settings_reach_the_graph() -> None:
+    """Half of the stitches made up, and every one believed: the map is torn, and they are listed."""
+    recording = drive("odometry")
+    assert recording.truth is not None
+    default = config()
+    loops = replace(default.loops, back_end="none", injected=0.5)
+    torn = METHODS["slamstitch"](recording, replace(default, loops=loops))
+    whole = METHODS["slamstitch"](recording, default)
+    accepted = sum(tried.accepted for tried in whole.stitches)
+    assert accepted > 0
+    assert len(torn.stitches) == len(whole.stitches) + accepted
+    assert error(torn.poses, recording.truth) > 5.0 * error(whole.poses, recording.truth)

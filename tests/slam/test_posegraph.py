@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam.posegraph import PoseGraph, WorldSteps, chi_squared, marginals, optimise
+from slam.posegraph import (
+    PoseGraph,
+    WorldSteps,
+    chi_squared,
+    informations,
+    joint_covariance,
+    marginals,
+    optimise,
+)
 from slam.se2 import Array
 
 Rms = Callable[[Array, Array], float]
@@ -144,8 +152,8 @@ def test_a_singular_edge_says_nothing_along_its_weak_direction() -> None:
             np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
             "edge 2-3 is not positive semi-definite",
         ),
-        (np.diag([1.0, 1.0, np.nan]), "information is not finite"),
-        (np.diag([1.0, np.inf, 1.0]), "information is not finite"),
+        (np.diag([1.0, 1.0, np.nan]), "information of edge 2-3 is not finite"),
+        (np.diag([1.0, np.inf, 1.0]), "information of edge 2-3 is not finite"),
     ],
 )
 @pytest.mark.parametrize("loss", ["gnc", "dcs", "none"])
@@ -161,6 +169,27 @@ def test_a_loop_of_wrong_information_is_refused_too() -> None:
     _, odometry = noisy_square()
     with pytest.raises(ValueError, match="edge 0-28 is not positive semi-definite"):
         optimise(odometry.with_loops(np.array([[0, 28]]), np.zeros((1, 3)), -np.eye(3)[None]))
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [
+        (np.diag([1.0, -1.0, 1.0]), "the covariance of edge 4-7 is not positive definite"),
+        (np.diag([1.0, 0.0, 1.0]), "the covariance of edge 4-7 is not positive definite"),
+        (np.ones((3, 3)), "the covariance of edge 4-7 is not positive definite"),
+        (np.diag([1.0, np.nan, 1.0]), "the covariance of edge 4-7 is not finite"),
+    ],
+)
+def test_a_covariance_that_is_none_is_refused_by_name(covariance: Array, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        informations(np.array([[0, 3], [4, 7]]), np.array([np.eye(3), covariance]))
+
+
+def test_informations_by_hand() -> None:
+    covariance = np.array([[0.5, 0.0, 0.0], [0.0, 2.0, 1.0], [0.0, 1.0, 1.0]])
+    expected = [[2.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 2.0]]
+    np.testing.assert_allclose(informations(np.array([[0, 1]]), covariance[None]), [expected])
+    assert informations(np.zeros((0, 2)), np.zeros((0, 3, 3))).shape == (0, 3, 3)
 
 
 def test_world_steps_recover_the_path_of_an_ins_whose_yaw_drifts(rms: Rms) -> None:
@@ -203,6 +232,25 @@ def test_with_loops_appends_and_marks() -> None:
     np.testing.assert_array_equal(graph.edges[-3:], GOOD)
     unchanged = odometry.with_loops(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
     assert len(unchanged.edges) == len(odometry.edges)
+
+
+def test_with_only_some_loops() -> None:
+    truth, odometry = noisy_square()
+    graph = with_loops(odometry, truth, GOOD, FALSE)
+    some = graph.with_only(np.array([True, False, False, False, True, False]))
+    np.testing.assert_array_equal(some.edges[some.loop], [GOOD[0], FALSE[1]])
+    np.testing.assert_array_equal(some.edges[~some.loop], odometry.edges)
+    np.testing.assert_array_equal(some.T_ij[some.loop], graph.T_ij[graph.loop][[0, 4]])
+
+
+def test_joint_covariance_of_a_straight_chain_by_hand() -> None:
+    """Two steps ahead of 0.1 m each: what the first is off both nodes are off."""
+    graph = chain(np.tile([1.0, 0.0, 0.0], (2, 1)), np.diag([1e2, 1e4, 1e12]), np.zeros(3))
+    joint = joint_covariance(graph)
+    along = joint[0::3, 0::3] - 1e-6  # the first pose is pinned to 1 mm
+    np.testing.assert_allclose(along, [[0, 0, 0], [0, 0.01, 0.01], [0, 0.01, 0.02]], atol=1e-8)
+    blocks = [joint[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] for k in range(3)]
+    np.testing.assert_allclose(blocks, marginals(graph, optimise(graph)), atol=1e-9)
 
 
 def test_chi_squared_by_hand() -> None:

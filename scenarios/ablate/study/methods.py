@@ -1,0 +1,136 @@
+"""How good the map of a whole drive becomes, by scenario and method, on the same drives."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+import tyro
+
+from scenarios.ablate.study.stitching import chosen, seeds_of
+from scenarios.catalogue import CATALOGUE
+from scenarios.cli import BadInput
+
+if TYPE_CHECKING:
+    from scenarios.ablate.contestants import Contestant
+    from scenarios.ablate.drives import Drive
+
+BOOTSTRAP_SEED = 0
+
+
+@dataclass(frozen=True)
+class Options:
+    """Simulate every scenario with every seed, let every method map each drive, and compare them.
+
+    A drive that makes a method fail is left out of its figures and counted; the exit code is then 1.
+    """
+
+    scenarios: str = "hospital,office_smoke,two_drives,collapsed,outdoor,twin_rooms"
+    """Scenarios of the catalogue, with commas between."""
+    seeds: str = "10"
+    """Seeds: how many, counted from 0; or first-last; or numbers with commas between."""
+    methods: str = "ins,wsm,slamstitch,oracle"
+    """Methods by name, with commas between; "oracle" is ours, told the true cuts and loop closures."""
+    variant: str = "gnc"
+    """Back ends of slamstitch, with commas between: gnc, dcs, none (every stitch is kept), pcm (the largest
+    pairwise consistent set), pcm_gnc."""
+    inject: float = 0.0
+    """Run slamstitch again with so many false stitches that they are this share of all."""
+    workers: int = 0
+    """Processes; 0 takes a process for each core. The results do not depend on it."""
+    format: Literal["table", "json"] = "table"
+    """What is printed on stdout."""
+    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    """A folder for results.csv, one row per drive and method; without it nothing is written."""
+
+
+def run(options: Options) -> None:
+    """Every method on every drive, and what came of it. Exits with 1 when a trial failed."""
+    scenarios, seeds, taking_part = checked(options)
+
+    from scenarios.ablate.standing import comparisons, standings
+    from scenarios.ablate.standing_table import print_standings, standings_json
+
+    rows = list(trials(scenarios, seeds, taking_part, options.workers or os.cpu_count() or 1))
+    if options.out is not None:
+        write(rows, options.out)
+    failed = [row for row in rows if row.error]
+    stands = standings(rows)
+    pairs = comparisons(rows, taking_part, np.random.default_rng(BOOTSTRAP_SEED))
+    if options.format == "json":
+        about = {"study": "methods", "scenarios": scenarios, "seeds": seeds}
+        print(standings_json(stands, pairs, failed, about))
+    else:
+        print_standings(f"methods: seeds {options.seeds}", stands, pairs)
+    if failed:
+        first = f"{failed[0].scenario} {failed[0].seed} {failed[0].method}: {failed[0].error}"
+        sys.exit(f"{len(failed)} of {len(rows)} trials failed, the first: {first}")
+
+
+def checked(options: Options) -> tuple[list[str], list[int], tuple[Contestant, ...]]:
+    """Scenarios, seeds and contestants asked for. Raises `BadInput`."""
+    from scenarios.ablate.contestants import OURS, contestants
+    from scenarios.methods import METHODS
+    from scenarios.methods.loops import BACK_ENDS
+
+    scenarios, seeds = chosen(options.scenarios, list(CATALOGUE), "scenario"), counted(options.seeds)
+    methods = chosen(options.methods, list(METHODS), "method")
+    back_ends = chosen(options.variant, list(BACK_ENDS), "variant")
+    if not 0.0 <= options.inject < 1.0:
+        raise BadInput(f"--inject {options.inject:g}: expected a share of at least 0 and below 1")
+    if OURS not in methods and (options.inject > 0.0 or options.variant != Options.variant):
+        raise BadInput(f"--variant and --inject are for {OURS}: expected it among --methods")
+    if options.workers < 0:
+        raise BadInput(f"expected --workers >= 0, got {options.workers}")
+    if options.out is not None and options.out.is_file():
+        raise BadInput(f"--out {options.out}: expected a folder, found a file")
+    return scenarios, seeds, contestants(methods, back_ends, options.inject)  # type: ignore[arg-type]
+
+
+def counted(text: str) -> list[int]:
+    """Seeds of a plain count, of ``first-last``, or of numbers with commas between."""
+    if not text.strip().isdecimal():
+        return seeds_of(text)
+    if int(text) < 1:
+        raise BadInput(f"--seeds {text!r}: expected at least one")
+    return list(range(int(text)))
+
+
+def trials(
+    scenarios: Sequence[str], seeds: Sequence[int], taking_part: tuple[Contestant, ...], workers: int
+) -> Iterator[Drive]:
+    """Rows of all drives, in the order of scenarios and seeds; each drive is told of on stderr."""
+    from scenarios.ablate.drives import driven
+    from scenarios.ablate.workers import in_order
+
+    work = partial(driven, contestants=taking_part)
+    for rows in in_order(work, product(scenarios, seeds), workers):
+        said = ", ".join(
+            f"{row.method} " + ("failed" if row.error else f"{row.value('ate_rmse'):.3f} m") for row in rows
+        )
+        print(f"{rows[0].scenario} {rows[0].seed}: {said}", file=sys.stderr)
+        yield from rows
+
+
+def write(rows: Sequence[Drive], folder: Path) -> None:
+    """One row per drive and method in results.csv: seconds, the error if any, and every metric."""
+    from scenarios.ablate.drives import LAST
+    from scenarios.evaluation import DEFINITIONS
+
+    known = {name for row in rows for name in row.values}
+    columns = [name for name in [*DEFINITIONS, LAST] if name in known]
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "results.csv").open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["scenario", "seed", "method", "seconds", "error", *columns])
+        for row in rows:
+            numbers = [row.values.get(name, "") for name in columns]
+            table.writerow([row.scenario, row.seed, row.method, row.seconds, row.error, *numbers])

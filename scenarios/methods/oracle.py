@@ -1,0 +1,90 @@
+"""Our method where nothing is left to find out about cuts and loops: the truth tells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from scenarios.cli import BadInput
+from scenarios.estimate import Estimate
+from scenarios.methods.config import MethodConfig
+from scenarios.methods.slamstitch import mapped
+from slam import dead_reckoning, se2
+from slam.companions import without_companions
+from slam.frontend import track
+from slam.recording import Recording
+from slam.scan import scans_of
+from slam.se2 import Array
+from slam.submap import Submap
+from slam.track import Track, Verdict
+from stitch.align import AlignConfig, NoStitch, Prior, Stitch
+from stitch.raster import walls_of
+from stitch.refinement import covariance, score_field
+from stitch.verification import measure
+
+FAILED_STEP = (0.10, np.radians(2.0))
+"""A step of the front end that is off by more (m, rad) has failed, whatever its verdict says."""
+
+
+def run(recording: Recording, config: MethodConfig) -> Estimate:
+    """As slamstitch, but cut where the front end truly failed, and every overlap is stitched as it truly
+    lies; the graph keeps all of these stitches, whatever its settings.
+
+    Raises `BadInput` for a recording without truth.
+    """
+    truth = recording.truth
+    if truth is None:
+        raise BadInput(f"oracle: expected a recording with truth, {recording.name} has none")
+    scans = without_companions(recording, scans_of(recording))
+    found = track(recording, config.frontend, scans)
+    found = with_true_failures(recording, found, truth, config.segmentation.measure)
+    stitch = partial(true_stitch, truth=truth, config=config.loops.align)
+    told = replace(config, loops=replace(config.loops, back_end="none", injected=0.0))
+    return mapped("oracle", recording, scans, found, told, stitch)
+
+
+def with_true_failures(recording: Recording, found: Track, truth: Array, measure: str) -> Track:
+    """The track cut where it truly failed: there, and only there, ``measure`` says so and the pose follows
+    dead reckoning."""
+    failed = failures(found.poses, truth)
+    poses = found.poses.copy()
+    for k in range(1, len(poses)):
+        poses[k] = (
+            dead_reckoning.predict(recording, k - 1, k, poses[k - 1])
+            if failed[k]
+            else se2.compose(poses[k - 1], se2.between(found.poses[k - 1], found.poses[k]))
+        )
+    verdict = np.where(failed, Verdict.FELL_BACK, found.verdict)
+    steady = np.where(np.isposinf(found.confidence[measure]), 0.0, found.confidence[measure])
+    confidence = {**found.confidence, measure: np.where(failed, np.inf, steady)}
+    return replace(found, poses=poses, verdict=verdict, confidence=confidence)
+
+
+def failures(poses: Array, truth: Array) -> np.ndarray:
+    """Scans ``(N,)`` bool whose step from the one before is off by more than `FAILED_STEP`."""
+    error = se2.between(se2.between(truth[:-1], truth[1:]), se2.between(poses[:-1], poses[1:]))
+    off = (np.hypot(error[:, 0], error[:, 1]) > FAILED_STEP[0]) | (np.abs(error[:, 2]) > FAILED_STEP[1])
+    return np.concatenate([[False], off])
+
+
+def true_stitch(a: Submap, b: Submap, prior: Prior, truth: Array, config: AlignConfig) -> Stitch | NoStitch:
+    """Submap b as it truly lies in the frame of a, with the covariance that a search would state there.
+
+    Maps that have too little in common, as the search counts it, are not stitched; where they lie is not
+    asked of ``prior``.
+    """
+    T_a_b = se2.between(truth[a.start], truth[b.start])
+    walls_a, walls_b = walls_of(a, config.resolution), walls_of(b, config.resolution)
+    if len(walls_a.points) == 0 or len(walls_b.points) == 0:
+        return NoStitch("a submap has no occupied cells")
+    common = measure(walls_a.raster(np.zeros(3), config.resolution), walls_b.raster(T_a_b, config.resolution))
+    limits = config.acceptance
+    if common.overlap_area < limits.min_overlap or common.open_area < limits.min_open:
+        return NoStitch("the maps have too little in common")
+    penalty = float(np.sqrt(config.free_penalty * config.lenient_penalty))
+    field = score_field(walls_a, walls_b, penalty, None, config)
+    sigma = covariance(field, T_a_b, walls_b.points.mean(axis=0))
+    shared = float(field.agreement(T_a_b[None])[0])
+    return Stitch(T_a_b, (sigma + sigma.T) / 2.0, shared, common.overlap_area, common.agreement)
