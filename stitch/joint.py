@@ -1,4 +1,4 @@
-"""Our stitching: Hough rotations, joint search with a free-space penalty, climbing, verification."""
+"""Our stitching: Hough rotations, a search of all shifts, climbing, a judgement by what the walls meet."""
 
 from __future__ import annotations
 
@@ -13,21 +13,13 @@ from slam.se2 import Array
 from slam.submap import Submap
 from stitch import hough
 from stitch.config import AlignConfig
+from stitch.likeness import GUIDED, Ground, likeness, tally
 from stitch.raster import Raster, Walls, walls_of
 from stitch.refinement import ScoreField, climb, covariance, prior_penalty, score_field
 from stitch.result import Alternative, NoStitch, Prior, Stitch
 from stitch.rotation import hypotheses
 from stitch.translation import LINE, Correlation, best_shifts, correlate, padded_shape, spectra
-from stitch.verification import (
-    NOTHING,
-    Evidence,
-    Standing,
-    far_from,
-    measure,
-    odds,
-    reason_against,
-    rivalry,
-)
+from stitch.verification import NOTHING, Evidence, Standing, far_from, measure, reason_against
 
 Pose = TypeVar("Pose", "Alternative", "Candidate")
 
@@ -36,7 +28,7 @@ DISTINCT = (0.5, np.radians(5.0))
 SHIFTS_PER_ROTATION = 3
 STRIDE = 3
 """One wall point in so many is read while many alternatives climb."""
-FINALISTS = 6
+FINALISTS = 8
 """Candidates that climb on with all points."""
 NEARLY = 0.9
 """Share of the highest peak of the spectra's correlation that a third needs; right angles have two."""
@@ -51,11 +43,9 @@ PRIOR_MARGIN = (0.5, np.radians(2.0))
 
 @dataclass(frozen=True)
 class Candidate:
-    """An alignment with what the walls say of it, in cells, and what of that is left beside the prior."""
+    """An alignment and its log-odds, see `Scene.odds`."""
 
     T_a_b: Array
-    agreement: float
-    conflict: float
     odds: float
 
     @property
@@ -64,28 +54,44 @@ class Candidate:
         return Alternative(self.T_a_b, self.odds)
 
 
+@dataclass(frozen=True)
+class Scene:
+    """Two maps, and what is known before, made ready to judge alignments."""
+
+    a: Ground
+    b: Ground
+    field: ScoreField
+    prior: Prior | None
+
+    @classmethod
+    def of(cls, a: Walls, b: Walls, prior: Prior | None, config: AlignConfig) -> Scene:
+        """The scene of two maps' walls; a climb weighs conflicts between the two searches' penalties."""
+        penalty = float(np.sqrt(config.free_penalty * config.lenient_penalty))
+        return cls(Ground.of(a), Ground.of(b), score_field(a, b, penalty, prior, config), prior)
+
+    def odds(self, T_a_b: Array) -> float:
+        """Log-odds of an alignment: of its likeness, and of the prior where there is one."""
+        odds = likeness(tally(self.a, self.b, T_a_b))
+        return odds if self.prior is None else odds + GUIDED - float(prior_penalty(self.prior, T_a_b, 1.0))
+
+
 def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -> Stitch | NoStitch:
     """The alignment that is most likely the same place, if it can be believed (see `stitch.align.align`)."""
     walls_a, walls_b = walls_of(a, config.resolution), walls_of(b, config.resolution)
     for name, walls in (("a", walls_a), ("b", walls_b)):
         if len(walls.points) == 0:
             return NoStitch(f"submap {name} has no occupied cells")
-    angles = rotations(walls_a.points, walls_b.points, prior, config)
-    found = search(walls_a, walls_b, angles, prior, config)
-    if not found:
-        return NoStitch("no alignment scores above zero with enough overlap")
-    penalty = float(np.sqrt(config.free_penalty * config.lenient_penalty))
-    field = score_field(walls_a, walls_b, penalty, prior, config)
-    candidates = _climbed(found, field, walls_b.points.mean(axis=0))
-    raster_a = walls_a.raster(np.zeros(3), config.resolution)
-    best, evidence = _likeliest(candidates, raster_a, walls_b, config)
+    scene = Scene.of(walls_a, walls_b, prior, config)
+    candidates = tops(scene, config)
+    if not candidates:
+        return NoStitch("the prior leaves no alignment at which the maps touch")
+    best, evidence = _likeliest(candidates, walls_a.raster(np.zeros(3), config.resolution), walls_b, config)
     if best is None:
-        return NoStitch("no alignment leaves enough in common", found[0])
-    standing = _standing(field, best, candidates, prior)
-    reason = reason_against(evidence, standing, config.acceptance)
+        return NoStitch("no alignment leaves enough in common", candidates[0].alternative)
+    reason = reason_against(evidence, _standing(scene.field, best, candidates), config.acceptance)
     if reason is not None:
         return NoStitch(reason, best.alternative)
-    located = _located(a, b, field, best, config)
+    located = _located(a, b, scene.field, best, config)
     if isinstance(located, NoStitch):
         return located
     T_a_b, sigma = located[0], (located[1] + located[1].T) / 2.0
@@ -94,6 +100,13 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
         return NoStitch(reason, Alternative(T_a_b, best.odds))
     others = tuple(other.alternative for other in candidates if other is not best)
     return Stitch(T_a_b, sigma, best.odds, evidence.overlap_area, evidence.agreement, others)
+
+
+def tops(scene: Scene, config: AlignConfig) -> list[Candidate]:
+    """The distinct alignments that a search of all rotations and shifts leads to, the likeliest first."""
+    a, b = scene.a.walls, scene.b.walls
+    angles = rotations(a.points, b.points, scene.prior, config)
+    return _climbed(search(a, b, angles, scene.prior, config), scene, b.points.mean(axis=0))
 
 
 def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: AlignConfig) -> Array:
@@ -121,15 +134,19 @@ def search(a: Walls, b: Walls, angles: Array, prior: Prior | None, config: Align
     Half of them are the best where little may contradict, half where something was moved or a map is bent.
     """
     raster_a = a.raster(np.zeros(3), config.search_resolution)
-    turned = [b.raster(np.array([0.0, 0.0, angle]), config.search_resolution) for angle in angles]
-    shape = padded_shape(raster_a, max(max(raster.occupied.shape) for raster in turned))
+    turned = [
+        (pair, b.raster(np.array([0.0, 0.0, pair[0]]), config.search_resolution)) for pair in paired(angles)
+    ]
+    shape = padded_shape(raster_a, max(max(raster.occupied.shape) for _, raster in turned))
     spectra_a = spectra(raster_a, shape)
     window = None if prior is None else _window(prior, config)
     found: dict[float, list[Alternative]] = {config.free_penalty: [], config.lenient_penalty: []}
-    for angle, raster_b in zip(angles, turned, strict=True):
-        correlation = correlate(spectra_a, spectra(raster_b, shape), config.blur, window)
-        for penalty, alternatives in found.items():
-            alternatives += _shifts(correlation, penalty, angle, prior, config)
+    for (*yaws,), raster_b in turned:
+        upright = spectra(raster_b, shape)
+        for yaw, spectra_b in zip(yaws, (upright, upright.half_turned()), strict=False):
+            correlation = correlate(spectra_a, spectra_b, config.blur, window)
+            for penalty, alternatives in found.items():
+                alternatives += _shifts(correlation, penalty, yaw, prior, config.prior_weight)
     centre = b.points.mean(axis=0)
     chosen = []
     for alternatives in found.values():
@@ -138,19 +155,30 @@ def search(a: Walls, b: Walls, angles: Array, prior: Prior | None, config: Align
     return chosen
 
 
+def paired(angles: Array) -> list[list[float]]:
+    """Rotations rad, each together with its twin half a turn on where that is among them too."""
+    pairs: list[list[float]] = []
+    for angle in angles:
+        twin = next((p for p in pairs if len(p) == 1 and abs(se2.wrap(angle - p[0] - np.pi)) < 1e-9), None)
+        if twin is None:
+            pairs.append([float(angle)])
+        else:
+            twin.append(float(angle))
+    return pairs
+
+
 def _shifts(
-    correlation: Correlation, penalty: float, angle: float, prior: Prior | None, config: AlignConfig
+    correlation: Correlation, penalty: float, yaw: float, prior: Prior | None, weight: float
 ) -> list[Alternative]:
-    """The best shifts of one rotation that overlap enough."""
+    """The best shifts of one rotation."""
     score = correlation.score(penalty)
-    score = np.where(correlation.overlap >= config.acceptance.min_overlap, score, -np.inf)
     if prior is not None and score.size:
-        poses = np.concatenate([correlation.translations(), np.full((*score.shape, 1), angle)], -1)
-        score = score - prior_penalty(prior, poses, config.prior_weight)
+        poses = np.concatenate([correlation.translations(), np.full((*score.shape, 1), yaw)], -1)
+        score = score - prior_penalty(prior, poses, weight)
     separation = int(DISTINCT[0] / correlation.resolution)
     return [
         Alternative(
-            np.array([*(correlation.first + correlation.resolution * np.array([column, row])), angle]),
+            np.array([*(correlation.first + correlation.resolution * np.array([column, row])), yaw]),
             float(score[row, column]),
         )
         for row, column in best_shifts(score, SHIFTS_PER_ROTATION, separation)
@@ -165,30 +193,23 @@ def _window(prior: Prior, config: AlignConfig) -> tuple[Array, Array]:
     return prior.T_a_b[:2] - reach, prior.T_a_b[:2] + reach
 
 
-def _climbed(found: list[Alternative], field: ScoreField, centre: Array) -> list[Candidate]:
+def _climbed(found: list[Alternative], scene: Scene, centre: Array) -> list[Candidate]:
     """The distinct tops that the alternatives climb to, the likeliest first.
 
     All of them climb coarsely, with a part of the points; those that may become the best or its rival then go
     on to 12.5 mm and 0.125°.
     """
+    field, step = scene.field, (0.025, np.radians(0.25))
     coarse = [climb(field, c.T_a_b, _pivot(field, c.T_a_b), halvings=1, stride=STRIDE)[0] for c in found]
-    ranked = _distinct(_ranked(coarse, field), centre)[:FINALISTS]
-    step = (0.025, np.radians(0.25))
+    ranked = _distinct(_ranked(coarse, scene), centre)[:FINALISTS]
     fine = [climb(field, c.T_a_b, _pivot(field, c.T_a_b), step, halvings=1)[0] for c in ranked]
-    return _distinct(_ranked(fine, field), centre)
+    return _distinct(_ranked(fine, scene), centre)
 
 
-def _ranked(poses: list[Array], field: ScoreField) -> list[Candidate]:
-    """Candidates with any agreement at all, the likeliest first."""
-    tops = np.array(poses).reshape(-1, 3)
-    agreement, conflict = field.agreement(tops), field.conflict(tops)
-    likely = np.array([odds(*cells) for cells in zip(agreement, conflict, strict=True)])
-    likely = likely - prior_penalty(field.prior, tops, 1.0)
-    order = np.argsort(-likely, kind="stable")
-    candidates = [
-        Candidate(tops[k], float(agreement[k]), float(conflict[k]), float(likely[k])) for k in order
-    ]
-    return [candidate for candidate in candidates if candidate.agreement > 0.0]
+def _ranked(poses: list[Array], scene: Scene) -> list[Candidate]:
+    """Candidates, the likeliest first."""
+    candidates = [Candidate(T_a_b, scene.odds(T_a_b)) for T_a_b in poses]
+    return sorted(candidates, key=lambda candidate: -candidate.odds)
 
 
 def _likeliest(
@@ -218,11 +239,10 @@ def _distinct(candidates: list[Pose], centre: Array) -> list[Pose]:
 
 def _pivot(field: ScoreField, T_a_b: Array) -> Array:
     """Where b is held while it turns: the middle of its walls that a knows something about."""
+    from stitch.kernels import middle_of_known
+
     points = field.points_b[::STRIDE]
-    cells = np.floor(se2.transform(T_a_b, points) / field.config.resolution - field.first_a).astype(np.int64)
-    inside = np.all((cells >= 0) & (cells < field.field_a.shape[::-1]), axis=1)
-    inside[inside] = field.field_a[cells[inside, 1], cells[inside, 0]] != 0.0
-    return points[inside].mean(axis=0) if inside.any() else field.points_b.mean(axis=0)
+    return middle_of_known(points, field.field_a, field.first_a, field.config.resolution, T_a_b)
 
 
 def _located(
@@ -237,8 +257,8 @@ def _located(
 
     some = b.points.selected(np.arange(0, len(b.points), 1 + len(b.points) // REFINE_POINTS))
     answer = match(a.points, some, best.T_a_b, "plicp", config=REFINEMENT)
-    if isinstance(answer, NoMatch):
-        return NoStitch(f"the scan matcher found nothing: {answer.reason}", best.alternative)
+    if isinstance(answer, NoMatch):  # too few of the points have a partner: the climb's answer stands
+        return best.T_a_b, sigma
     T_a_b = answer.T_reference_scan
     moved = np.linalg.norm(se2.transform(T_a_b, pivot[None]) - se2.transform(best.T_a_b, pivot[None]))
     turned = abs(float(se2.wrap(T_a_b[2] - best.T_a_b[2])))
@@ -249,26 +269,15 @@ def _located(
     return T_a_b, sigma + answer.covariance
 
 
-def _standing(
-    field: ScoreField, best: Candidate, candidates: list[Candidate], prior: Prior | None
-) -> Standing:
-    """How the best candidate stands against chance, against sliding along its walls and against others."""
+def _standing(field: ScoreField, best: Candidate, candidates: list[Candidate]) -> Standing:
+    """How the best candidate stands by itself, against sliding along its walls and against others."""
     around = np.pi / 4.0 * np.arange(8)
     shifts = SLIDE * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
     left = field.agreement(best.T_a_b + shifts) - field.penalty / LINE * field.conflict(best.T_a_b + shifts)
-    others = [other for other in candidates if other.odds < best.odds]
+    agreement = float(field.agreement(best.T_a_b[None])[0])
     return Standing(
         odds=best.odds,
-        firmness=1.0 - float(left.max()) / best.agreement,
-        rivalry=max((_rivalry(best, other, prior) for other in others), default=0.0),
-        guided=prior is not None,
+        rival=max((other.odds for other in candidates if other is not best), default=-np.inf),
+        firmness=1.0 - float(left.max()) / max(agreement, 1e-9),
+        guided=field.prior is not None,
     )
-
-
-def _rivalry(best: Candidate, other: Candidate, prior: Prior | None) -> float:
-    """`stitch.verification.rivalry`, less where the prior speaks against the other."""
-    plausible = rivalry((best.agreement, best.conflict), (other.agreement, other.conflict))
-    if prior is None:
-        return plausible
-    farther = float(prior.distance(other.T_a_b) - prior.distance(best.T_a_b))
-    return plausible * float(np.exp(-0.5 * max(farther, 0.0)))

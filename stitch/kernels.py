@@ -27,8 +27,10 @@ def vote(points: Array, n_theta: int, first: float, resolution: float, n_rho: in
 
 
 @njit(cache=True)
-def thin(points: Array, occupied: np.ndarray, origin: Array, side: float, resolution: float) -> Array:
-    """Points ``(n, 2)`` on occupied cells, thinned: the mean of those in each cell of ``resolution`` m.
+def thin(points: Array, normals: Array, occupied: np.ndarray, origin: Array, side: float,
+         resolution: float) -> tuple[Array, Array]:  # fmt: skip
+    """Points ``(n, 2)`` on occupied cells, thinned: the mean of those in each cell of ``resolution`` m, and
+    the mean of their normals, NaN counting as nothing.
 
     ``occupied (H, W)`` has cells of ``side`` m and starts at ``origin``. Row by row, as the cells are.
     """
@@ -44,9 +46,9 @@ def thin(points: Array, occupied: np.ndarray, origin: Array, side: float, resolu
                 low[k] = min(low[k], np.floor(points[n, k] / resolution))
                 high[k] = max(high[k], np.floor(points[n, k] / resolution))
     if not low[0] <= high[0]:
-        return np.zeros((0, 2))
+        return np.zeros((0, 2)), np.zeros((0, 2))
     rows, columns = int(high[1] - low[1]) + 1, int(high[0] - low[0]) + 1
-    sums = np.zeros((rows * columns, 3))
+    sums = np.zeros((rows * columns, 5))
     for n in range(points.shape[0]):
         if kept[n]:
             j = int(np.floor(points[n, 0] / resolution) - low[0])
@@ -54,8 +56,11 @@ def thin(points: Array, occupied: np.ndarray, origin: Array, side: float, resolu
             sums[i * columns + j, 0] += points[n, 0]
             sums[i * columns + j, 1] += points[n, 1]
             sums[i * columns + j, 2] += 1.0
+            if np.isfinite(normals[n, 0]):
+                sums[i * columns + j, 3] += normals[n, 0]
+                sums[i * columns + j, 4] += normals[n, 1]
     used = np.flatnonzero(sums[:, 2])
-    return sums[used, :2] / sums[used, 2:]
+    return sums[used, :2] / sums[used, 2:3], sums[used, 3:] / sums[used, 2:3]
 
 
 @njit(cache=True)
@@ -194,3 +199,38 @@ def straight_runs(occupied: np.ndarray, reach: int, directions: int) -> np.ndarr
                         run += 1
                 runs[i, j] = max(runs[i, j], run)
     return runs
+
+
+@njit(cache=True)
+def middle_of_known(points: Array, known: np.ndarray, first: Array, resolution: float, pose: Array) -> Array:
+    """Mean ``(2,)`` of the points ``(n, 2)`` that, moved by ``pose (3,)``, lie in cells ``known (H, W)``; of
+    all of them when none does."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    total, everything = np.zeros(3), np.zeros(2)
+    for n in range(points.shape[0]):
+        everything += points[n]
+        j = int(np.floor((c * points[n, 0] - s * points[n, 1] + pose[0]) / resolution) - first[0])
+        i = int(np.floor((s * points[n, 0] + c * points[n, 1] + pose[1]) / resolution) - first[1])
+        if 0 <= i < known.shape[0] and 0 <= j < known.shape[1] and known[i, j] != 0.0:
+            total[0] += points[n, 0]
+            total[1] += points[n, 1]
+            total[2] += 1.0
+    return total[:2] / total[2] if total[2] > 0.0 else everything / points.shape[0]
+
+
+@njit(cache=True)
+def multiply(a: np.ndarray, b: np.ndarray, gain: np.ndarray, alike: float) -> np.ndarray:
+    """Transforms ``(2, H, W)`` of agreement and conflict from those of two maps ``(4, H, W)``: walls, free
+    space, and the two components of what walls face.
+
+    ``gain (H, W)`` is the blur's; ``alike`` the share of the agreement that facing the same way decides.
+    """
+    out = np.empty((2, a.shape[1], a.shape[2]), dtype=np.complex64)
+    one, other = np.float32(1.0 - alike), np.float32(alike)
+    for i in range(a.shape[1]):
+        for j in range(a.shape[2]):
+            walls, free = np.conj(b[0, i, j]), np.conj(b[1, i, j])
+            facing = a[2, i, j] * np.conj(b[2, i, j]) + a[3, i, j] * np.conj(b[3, i, j])
+            out[0, i, j] = gain[i, j] * (one * a[0, i, j] * walls + other * facing)
+            out[1, i, j] = a[1, i, j] * walls + a[0, i, j] * free
+    return out

@@ -11,7 +11,7 @@ from slam.occupancy import Grid
 from slam.se2 import Array
 from slam.submap import Submap
 
-LOOSE = 0.3
+LOOSE = 0.1
 """Weight of a cell that may be furniture."""
 FURNITURE = (1.2, 1.8)
 """Straight for so long [m]: surely furniture, surely a wall."""
@@ -31,6 +31,7 @@ class Raster:
     first: np.ndarray
     resolution: float
     weight: np.ndarray | None = None
+    facing: np.ndarray | None = None
 
     @property
     def walls(self) -> np.ndarray:
@@ -38,7 +39,7 @@ class Raster:
         return self.occupied.astype(np.float32) if self.weight is None else self.weight
 
 
-def wall_points(submap: Submap, resolution: float) -> Array:
+def wall_points(submap: Submap, resolution: float) -> tuple[Array, Array]:
     """Points ``(n, 2)`` m on the submap's walls in its own frame, one per cell of ``resolution`` m.
 
     Each is the mean of the submap's points in the cell, so that no lattice shows in the Hough transform.
@@ -47,7 +48,9 @@ def wall_points(submap: Submap, resolution: float) -> Array:
     from stitch.kernels import thin
 
     grid = submap.grid
-    return thin(submap.points.points, grid.occupied, grid.origin, grid.resolution, resolution)
+    return thin(
+        submap.points.points, submap.points.normals, grid.occupied, grid.origin, grid.resolution, resolution
+    )
 
 
 @dataclass(frozen=True)
@@ -56,17 +59,18 @@ class Walls:
 
     points: Array
     weights: Array
+    facing: Array
     grid: Grid
 
     def raster(self, T: Array, resolution: float) -> Raster:
         """Walls and free space moved by ``T (3,)``, on the lattice."""
-        return rasterise(self.points, self.grid, T, resolution, self.weights)
+        return rasterise(self.points, self.grid, T, resolution, self.weights, self.facing)
 
 
 def walls_of(submap: Submap, resolution: float) -> Walls:
     """Walls and free space of a submap, one point per cell of ``resolution`` m."""
-    points = wall_points(submap, resolution)
-    return Walls(points, steadiness(points, resolution), submap.grid)
+    points, facing = wall_points(submap, resolution)
+    return Walls(points, steadiness(points, resolution), facing, submap.grid)
 
 
 def steadiness(points: Array, resolution: float) -> Array:
@@ -94,6 +98,7 @@ def rasterise(
     T: Array,
     resolution: float,
     weights: Array | None = None,
+    facing: Array | None = None,
 ) -> Raster:
     """Wall points ``(n, 2)`` with ``weights (n,)`` and the free space of their grid, all moved by ``T (3,)``.
 
@@ -115,8 +120,12 @@ def rasterise(
     if weights is not None:
         weight = np.zeros((height, width), dtype=np.float32)
         np.maximum.at(weight, (row, column), weights.astype(np.float32))
+    turned = None
+    if facing is not None and weights is not None:
+        turned = np.zeros((2, height, width), dtype=np.float32)
+        turned[:, row, column] = (weights[:, None] * facing @ se2.rotation(T[2]).T).T
     free = look_up(grid.free, grid.origin, grid.resolution, T, first, (height, width), resolution)
-    return Raster(occupied, free & ~dilated(occupied), first, resolution, weight)
+    return Raster(occupied, free & ~dilated(occupied), first, resolution, weight, turned)
 
 
 def dilated(cells: np.ndarray) -> np.ndarray:

@@ -59,28 +59,48 @@ def profile(coordinates: Array, resolution: float) -> tuple[Array, int]:
 
 LINE = 2.0 * np.sqrt(np.pi)
 """What a cell of a straight wall scores against another such wall, both blurred by one cell."""
+FACING = 0.5
+"""Share of the agreement that depends on which way walls face: seen from opposite sides they do not agree."""
 
 
 @dataclass(frozen=True)
 class Spectra:
-    """Fourier transforms of a raster's walls and free space, padded to ``shape`` against wrapping."""
+    """Fourier transforms ``(4, H, W)`` of a raster, padded to ``shape`` against wrapping: of its walls, its free
+    space, and both components of what the walls face.
 
-    walls: np.ndarray
-    free: np.ndarray
-    raster: Raster
+    Element 0 is the lattice cell ``first (2,)``; the others are at indices ``low`` to ``high`` (both (column,
+    row)), negative ones at the end.
+    """
+
+    transforms: np.ndarray
+    first: Array
+    low: np.ndarray
+    high: np.ndarray
+    resolution: float
     shape: tuple[int, int]
+
+    def half_turned(self) -> Spectra:
+        """Those of the map turned by π about the lattice's origin, without drawing it again."""
+        sign = np.array([1.0, 1.0, -1.0, -1.0], dtype=np.float32)[:, None, None]
+        return Spectra(
+            sign * np.conj(self.transforms),
+            -self.first - 1.0,
+            -self.high,
+            -self.low,
+            self.resolution,
+            self.shape,
+        )
 
 
 @dataclass(frozen=True)
 class Correlation:
-    """``agreement (h, w)`` and ``conflict (h, w)`` in cells and ``overlap (h, w)`` m² of every shift.
+    """``agreement (h, w)`` and ``conflict (h, w)`` in cells of every shift.
 
     Element (row, column) is the translation ``first + resolution·(column, row)`` m.
     """
 
     agreement: np.ndarray
     conflict: np.ndarray
-    overlap: np.ndarray
     first: Array
     resolution: float
 
@@ -111,10 +131,20 @@ def spectra(raster: Raster, shape: tuple[int, int]) -> Spectra:
     """Transforms of a raster for `correlate`; single precision, as counts need no more."""
     from scipy.fft import rfft2
 
-    walls, free = (
-        rfft2(cells.astype(np.float32), s=shape, workers=1) for cells in (raster.walls, raster.free)
+    height, width = raster.occupied.shape
+    layers = np.zeros((4, height, width), dtype=np.float32)
+    layers[0], layers[1] = raster.walls, raster.free
+    if raster.facing is not None:
+        layers[2:] = raster.facing
+    high = np.array([width - 1, height - 1])
+    return Spectra(
+        rfft2(layers, s=shape, workers=1),
+        raster.first,
+        np.zeros(2, dtype=int),
+        high,
+        raster.resolution,
+        shape,
     )
-    return Spectra(walls, free, raster, shape)
 
 
 def correlate(
@@ -124,39 +154,28 @@ def correlate(
 
     Agreement counts coinciding walls, blurred by ``blur`` cells on both sides and scaled so that one
     coinciding cell counts 1 (a cell of a straight wall also collects its neighbours' blur, `LINE` in all for
-    a blur of 1); conflict counts walls in the other's free space. ``window`` = (low (2,), high (2,)) m limits
-    the answer to some translations. Shapes larger than both maps together keep the FFT from wrapping.
+    a blur of 1), and nothing where they face opposite ways; conflict counts walls in the other's free space.
+    ``window`` = (low (2,), high (2,)) m limits the answer to some translations. Shapes larger than both maps
+    together keep the FFT from wrapping.
     """
     from scipy.fft import irfft2
 
+    from stitch.kernels import multiply
+
     if a.shape != b.shape:
         raise ValueError(f"spectra of different shape: {a.shape} and {b.shape}")
-    walls_b, free_b = np.conj(b.walls), np.conj(b.free)
-    products = (
-        _blur_gain(a.shape, blur) * a.walls * walls_b,
-        a.free * walls_b + a.walls * free_b,
-        (a.walls + a.free) * (walls_b + free_b),
-    )
-    agreement, conflict, known = (irfft2(product, s=a.shape, workers=1) for product in products)
-
-    resolution = a.raster.resolution
-    offset = a.raster.first - b.raster.first
-    low = 1 - np.array(b.raster.occupied.shape[::-1])
-    high = np.array(a.raster.occupied.shape[::-1]) - 1
+    products = multiply(a.transforms, b.transforms, _blur_gain(a.shape, blur), FACING)
+    agreement, conflict = irfft2(products, s=a.shape, workers=1)
+    offset = a.first - b.first
+    low, high = a.low - b.high, a.high - b.low
     if window is not None:
-        low = np.maximum(low, np.floor(window[0] / resolution - offset)).astype(int)
-        high = np.minimum(high, np.ceil(window[1] / resolution - offset)).astype(int)
+        low = np.maximum(low, np.floor(window[0] / a.resolution - offset)).astype(int)
+        high = np.minimum(high, np.ceil(window[1] / a.resolution - offset)).astype(int)
     # negative lags sit at the end of the array: taken modulo its length
     rows = np.arange(low[1], high[1] + 1) % a.shape[0]
     columns = np.arange(low[0], high[0] + 1) % a.shape[1]
     place = np.ix_(rows, columns)
-    return Correlation(
-        agreement[place],
-        conflict[place],
-        known[place] * resolution**2,
-        resolution * (offset + low),
-        resolution,
-    )
+    return Correlation(agreement[place], conflict[place], a.resolution * (offset + low), a.resolution)
 
 
 @lru_cache(maxsize=2)
@@ -172,12 +191,12 @@ def _blur_gain(shape: tuple[int, int], blur: float) -> np.ndarray:
 
 
 def best_shifts(score: np.ndarray, count: int, separation: int) -> list[tuple[int, int]]:
-    """(row, column) of the best positive scores, strongest first, more than ``separation`` cells apart."""
+    """(row, column) of the best finite scores, strongest first, more than ``separation`` cells apart."""
     left = score.copy()
     found: list[tuple[int, int]] = []
     while len(found) < count and left.size:
         row, column = np.unravel_index(int(np.argmax(left)), left.shape)
-        if not left[row, column] > 0.0:
+        if not np.isfinite(left[row, column]):
             break
         found.append((int(row), int(column)))
         rows = slice(max(row - separation, 0), row + separation + 1)

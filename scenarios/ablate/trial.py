@@ -86,11 +86,25 @@ def judged(
     """Outcome, error (m at b's point ``middle_b (2,)``, degrees) and squared Mahalanobis error."""
     if isinstance(answer, NoStitch):
         return "refused", (np.nan, np.nan), np.nan
-    apart = se2.transform(answer.T_a_b, middle_b[None]) - se2.transform(T_a_b, middle_b[None])
-    distance, angle = float(np.linalg.norm(apart)), abs(float(se2.wrap(answer.T_a_b[2] - T_a_b[2])))
-    right = distance <= LIMIT[0] and angle <= LIMIT[1]
+    distance, angle = apart(answer.T_a_b, T_a_b, middle_b)
     nees = np.nan
     if answer.covariance is not None:
         xi = se2.log(se2.between(T_a_b, answer.T_a_b))
         nees = float(xi @ np.linalg.solve(answer.covariance, xi))
-    return ("right" if right else "false"), (distance, float(np.degrees(angle))), nees
+    return (
+        ("right" if is_right(answer.T_a_b, T_a_b, middle_b) else "false"),
+        (distance, float(np.degrees(angle))),
+        nees,
+    )
+
+
+def apart(found: Array, truth: Array, middle_b: Array) -> tuple[float, float]:
+    """How far two poses ``(3,)`` of b in a are from each other: m at b's point ``middle_b (2,)``, rad."""
+    moved = se2.transform(found, middle_b[None]) - se2.transform(truth, middle_b[None])
+    return float(np.linalg.norm(moved)), abs(float(se2.wrap(found[2] - truth[2])))
+
+
+def is_right(found: Array, truth: Array, middle_b: Array) -> bool:
+    """Whether a pose of b in a is within `LIMIT` of the truth."""
+    distance, angle = apart(found, truth, middle_b)
+    return distance <= LIMIT[0] and angle <= LIMIT[1]

@@ -19,7 +19,6 @@ from slam.se2 import Array
 from slam.submap import Submap
 from stitch.align import NoStitch, Prior, Stitch
 from stitch.config import AlignConfig
-from stitch.verification import Acceptance
 
 BackEnd = Literal["gnc", "dcs", "none", "pcm", "pcm_gnc"]
 BACK_ENDS: dict[BackEnd, tuple[bool, Loss]] = {
@@ -64,7 +63,7 @@ class LoopConfig:
     trusted_edge: float = 1.0
     broken_edge: float = 15.0
     rounds: int = 2
-    align: AlignConfig = field(default_factory=lambda: AlignConfig(acceptance=Acceptance(max_conflict=0.12)))
+    align: AlignConfig = field(default_factory=AlignConfig)
     back_end: BackEnd = "gnc"
     injected: float = 0.0
     injected_seed: int = 0

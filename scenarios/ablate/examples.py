@@ -1,0 +1,83 @@
+"""Alignments that are known to be right or wrong, and what is learnt from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.ablate.pairs import Pair
+from scenarios.ablate.trial import is_right
+from slam.se2 import Array
+from stitch.config import AlignConfig
+from stitch.joint import Scene, tops
+from stitch.likeness import tally
+from stitch.raster import walls_of
+from stitch.refinement import prior_penalty
+from stitch.result import Prior
+
+SPREAD = 0.1
+"""Added to the spread of a feature, so that rare ones are not given large weights."""
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Alignments of pairs of maps.
+
+    ``counts (n, 2, 3, 7)`` of `stitch.likeness.tally`; ``unlikely (n,)``: what the prior takes off the
+    log-odds, 0 without one; ``right (n,)`` bool, by the truth.
+    """
+
+    counts: Array
+    unlikely: Array
+    right: np.ndarray
+
+    @classmethod
+    def of_pair(cls, pair: Pair, prior: Prior | None, config: AlignConfig) -> Examples:
+        """Every alignment that the search leads to."""
+        walls_a, walls_b = walls_of(pair.a, config.resolution), walls_of(pair.b, config.resolution)
+        scene = Scene.of(walls_a, walls_b, prior, config)
+        poses = [candidate.T_a_b for candidate in tops(scene, config)]
+        counts = [tally(scene.a, scene.b, T_a_b) for T_a_b in poses]
+        unlikely = [float(prior_penalty(prior, T_a_b, 1.0)) for T_a_b in poses]
+        right = [is_right(T_a_b, pair.T_a_b, pair.middle_b) for T_a_b in poses]
+        return cls(np.array(counts).reshape(-1, 2, 3, 7), np.array(unlikely), np.array(right, dtype=bool))
+
+    @classmethod
+    def together(cls, several: Sequence[Examples]) -> Examples:
+        """All of them as one."""
+        return cls(*(np.concatenate([getattr(e, name) for e in several]) for name in cls.__annotations__))
+
+
+def fit(examples: Examples) -> tuple[Array, float]:
+    """Weights ``(2, 3, 7)`` and constant of `stitch.likeness.likeness`, from examples without a prior.
+
+    Logistic regression on the square roots of the counts, each divided by its spread, with a unit normal
+    prior on the weights.
+    """
+    from scipy.optimize import minimize
+
+    features = np.sqrt(examples.counts.reshape(len(examples.right), -1))
+    scale = features.std(axis=0) + SPREAD
+    features, sign = features / scale, np.where(examples.right, 1.0, -1.0)
+
+    def loss(theta: Array) -> tuple[float, Array]:
+        margin = sign * (features @ theta[1:] + theta[0])
+        pull = -sign / (1.0 + np.exp(margin))
+        gradient = np.concatenate([[pull.sum()], features.T @ pull + theta[1:]])
+        return float(np.logaddexp(0.0, -margin).sum() + 0.5 * theta[1:] @ theta[1:]), gradient
+
+    theta = minimize(loss, np.zeros(features.shape[1] + 1), jac=True, method="L-BFGS-B").x
+    return (theta[1:] / scale).reshape(2, 3, 7), float(theta[0])
+
+
+def fit_guided(examples: Examples, weights: Array, bias: float) -> float:
+    """The constant that a prior adds to the log-odds, from examples with one."""
+    from scipy.optimize import minimize_scalar
+
+    odds = np.sum(weights * np.sqrt(examples.counts), axis=(1, 2, 3)) + bias - examples.unlikely
+    sign = np.where(examples.right, 1.0, -1.0)
+    return float(
+        minimize_scalar(lambda shift: np.logaddexp(0.0, -sign * (odds + shift)).sum(), bounds=(-20, 20)).x
+    )

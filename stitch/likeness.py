@@ -1,0 +1,85 @@
+"""Is it the same place? What every wall point of one map meets in the other, weighed by experience."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam import se2
+from slam.se2 import Array
+from stitch.raster import Walls
+
+DISTANCES = np.array([0.02, 0.04, 0.07, 0.12, 0.2, 0.35])
+"""Classes of how far [m] a wall point is from the other map's nearest wall."""
+
+WEIGHTS = np.array(
+    [
+        [
+            [0.31, 0.22, 0.13, 0.08, -0.77, -0.45, -0.67],
+            [-0.18, 0.04, -0.07, 0.38, -0.07, -0.15, -1.42],
+            [0.10, -0.12, 0.11, -0.29, 0.34, 0.25, 0.01],
+        ],
+        [
+            [0.13, 0.11, 0.05, 0.02, -0.18, 0.11, -0.59],
+            [0.29, 0.09, -0.03, -0.27, -0.03, 0.25, -0.70],
+            [0.12, 0.34, 0.66, 0.67, -0.04, 0.26, -0.05],
+        ],
+    ]
+)
+"""Of the roots of `tally`'s counts."""
+BIAS, GUIDED = -8.79, 6.22
+"""The log-odds of maps that never meet, and what a prior of 1 m and 10° adds where it expects them.
+
+All are learnt: ``python -m scenarios.ablate likeness`` prints them."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A map for the walls of another to meet.
+
+    ``kinds (n,)``: 0 for a point of a long straight wall, 1 for what may be furniture; ``nearest (H, W)``:
+    row of the wall point nearest to a cell of the map's grid, -1 beyond the last of `DISTANCES`.
+    """
+
+    walls: Walls
+    kinds: np.ndarray
+    nearest: np.ndarray
+
+    @classmethod
+    def of(cls, walls: Walls) -> Ground:
+        """The ground that walls make."""
+        from stitch.likeness_kernels import nearest_points
+
+        grid = walls.grid
+        shape, reach = grid.free.shape, float(DISTANCES[-1])
+        nearest = nearest_points(walls.points, grid.origin, shape, grid.resolution, reach)
+        return cls(walls, (walls.weights < 1.0).astype(np.int64), nearest)
+
+
+def tally(a: Ground, b: Ground, T_a_b: Array) -> np.ndarray:
+    """How many wall points, of both maps, met what in the other: counts ``(2, 3, 7)``.
+
+    By kind of the point (see `Ground`); by how the surfaces face: the same way, opposite ways, unknown; by
+    distance (`DISTANCES`). The last column holds, instead: beside a wall in its free space, in free space far
+    from any wall, where nothing is known.
+    """
+    from stitch.likeness_kernels import meet
+
+    met = np.zeros((2, 3, len(DISTANCES)), dtype=np.int64)
+    missed = np.zeros((2, 3), dtype=np.int64)
+    for still, moving, T in ((a, b, np.asarray(T_a_b, dtype=np.float64)), (b, a, se2.inverse(T_a_b))):
+        meet(
+            moving.walls.points, moving.walls.facing, moving.kinds, T,
+            still.nearest, still.walls.grid.free, still.walls.grid.origin, still.walls.grid.resolution,
+            still.walls.points, still.walls.facing, DISTANCES, met, missed,
+        )  # fmt: skip
+    return np.concatenate([met, missed[:, :, None]], axis=2)
+
+
+def likeness(counts: np.ndarray) -> float:
+    """Log-odds that maps whose walls meet so, ``counts (2, 3, 7)`` of `tally`, show the same place.
+
+    Square roots, as points along one wall are no independent witnesses.
+    """
+    return float(np.sum(WEIGHTS * np.sqrt(counts)) + BIAS)

@@ -1,0 +1,73 @@
+"""What the walls of one map meet in another: the loops over points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from slam.se2 import Array
+
+FACING = 0.3
+"""Cosine from which two surfaces face the same way, and below whose negative opposite ways."""
+BESIDE = 0.15
+"""A point in free space so far [m] from a wall has missed it."""
+KNOWN = 0.5
+"""Length of a mean normal from which it is one."""
+
+
+@njit(cache=True)
+def nearest_points(points: Array, origin: Array, shape: tuple[int, int], resolution: float, reach: float
+                   ) -> np.ndarray:  # fmt: skip
+    """Row of the point ``(n, 2)`` nearest to the middle of each cell of ``shape``, -1 beyond ``reach`` m.
+
+    Cell (0, 0) starts at ``origin (2,)`` m, cells are ``resolution`` m.
+    """
+    rows = np.full(shape, -1, dtype=np.int32)
+    best = np.full(shape, reach * reach)
+    cells = int(np.ceil(reach / resolution))
+    for n in range(points.shape[0]):
+        j = int(np.floor((points[n, 0] - origin[0]) / resolution))
+        i = int(np.floor((points[n, 1] - origin[1]) / resolution))
+        for row in range(max(i - cells, 0), min(i + cells + 1, shape[0])):
+            for column in range(max(j - cells, 0), min(j + cells + 1, shape[1])):
+                dx = origin[0] + (column + 0.5) * resolution - points[n, 0]
+                dy = origin[1] + (row + 0.5) * resolution - points[n, 1]
+                if dx * dx + dy * dy < best[row, column]:
+                    best[row, column], rows[row, column] = dx * dx + dy * dy, n
+    return rows
+
+
+@njit(cache=True)
+def meet(points: Array, facing: Array, kind: np.ndarray, T: Array, nearest: np.ndarray, free: np.ndarray,
+         origin: Array, resolution: float, others: Array, others_facing: Array, limits: Array,
+         met: np.ndarray, missed: np.ndarray) -> None:  # fmt: skip
+    """Counts what points ``(n, 2)``, moved by ``T (3,)``, meet in a map whose walls are ``others (m, 2)``.
+
+    ``met (2, 3, D)``: by ``kind (n,)``, by how the surfaces face (same way, opposite, unknown) and by the
+    first of ``limits (D,)`` m that their distance (across the wall where that is known) is within.
+    ``missed (2, 3)``: by kind, in the free space a little off a wall, far from any, and nothing known there.
+    """
+    c, s = np.cos(T[2]), np.sin(T[2])
+    for n in range(points.shape[0]):
+        x = c * points[n, 0] - s * points[n, 1] + T[0]
+        y = s * points[n, 0] + c * points[n, 1] + T[1]
+        j, i = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
+        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
+            missed[kind[n], 2] += 1
+            continue
+        k = nearest[i, j]
+        if k < 0:
+            missed[kind[n], 1 if free[i, j] else 2] += 1
+            continue
+        nx, ny = others_facing[k, 0], others_facing[k, 1]
+        size = np.sqrt(nx * nx + ny * ny)
+        dx, dy = x - others[k, 0], y - others[k, 1]
+        distance = abs(dx * nx + dy * ny) / size if size > KNOWN else np.sqrt(dx * dx + dy * dy)
+        if free[i, j] and distance > BESIDE:
+            missed[kind[n], 0] += 1
+        alike = nx * (c * facing[n, 0] - s * facing[n, 1]) + ny * (s * facing[n, 0] + c * facing[n, 1])
+        way = 0 if alike > FACING else (1 if alike < -FACING else 2)
+        for d in range(len(limits)):
+            if distance <= limits[d]:
+                met[kind[n], way, d] += 1
+                break
