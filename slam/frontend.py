@@ -70,6 +70,15 @@ MANIFOLD_SLAM = FrontendConfig(
 """ManifoldSLAM as UsarCommander ran it for the report, including the absolute seed that tears its maps."""
 
 
+@dataclass(frozen=True)
+class _Seed:
+    """Where a scan is expected before it is looked at: pose ``(3,)``, and covariance ``(3, 3)`` of additive
+    map-frame errors of the dead reckoning since the last scan."""
+
+    pose: Array
+    covariance: Array
+
+
 @dataclass
 class _State:
     """What the loop carries from scan to scan."""
@@ -104,7 +113,7 @@ def track(
         if not _moved(recording, state.last, k, config):
             state.poses[k] = state.poses[state.last]
             continue
-        result = NoMatch("tilted") if tilted[k] else _match(recording, state, scan, k, seed, config)
+        result = NoMatch("tilted") if tilted[k] else _match(state, scan, seed, config)
         _accept(recording, state, k, seed, result, config)
         if _extends(state, k, config) and (config.reference == "scan" or not tilted[k]):
             _extend(state, scan, k, config)
@@ -142,11 +151,13 @@ def _start(recording: Recording, config: FrontendConfig) -> _State:
     )
 
 
-def _seed(recording: Recording, state: _State, k: int, config: FrontendConfig) -> Array:
+def _seed(recording: Recording, state: _State, k: int, config: FrontendConfig) -> _Seed:
     if config.seed_mode == "absolute":
-        return recording.dead_reckoning[k]
-    calibration = state.calibration if config.calibrate and recording.source == "ins" else None
-    return dead_reckoning.predict(recording, state.last, k, state.poses[state.last], calibration)
+        pose = recording.dead_reckoning[k]
+    else:
+        calibration = state.calibration if config.calibrate and recording.source == "ins" else None
+        pose = dead_reckoning.predict(recording, state.last, k, state.poses[state.last], calibration)
+    return _Seed(pose, dead_reckoning.map_covariance(recording, state.last, k, pose))
 
 
 def _moved(recording: Recording, j: int, k: int, config: FrontendConfig) -> bool:
@@ -167,14 +178,10 @@ def _extend(state: _State, scan: Scan, k: int, config: FrontendConfig) -> None:
         state.local.add(scan, state.poses[k])
 
 
-def _match(
-    recording: Recording, state: _State, scan: Scan, k: int, seed: Array, config: FrontendConfig
-) -> Match | NoMatch:
+def _match(state: _State, scan: Scan, seed: _Seed, config: FrontendConfig) -> Match | NoMatch:
     """The scan's pose in the frame of what it is matched against."""
-    prior = None
-    if config.trust_dead_reckoning:
-        prior = np.linalg.inv(dead_reckoning.map_covariance(recording, state.last, k, seed))
-    guess = se2.between(_origin(state, config), seed)
+    prior = np.linalg.inv(seed.covariance) if config.trust_dead_reckoning else None
+    guess = se2.between(_origin(state, config), seed.pose)
     return match(state.local, scan, guess, config.method, config.covariance, prior, config.match)
 
 
@@ -182,7 +189,7 @@ def _accept(
     recording: Recording,
     state: _State,
     k: int,
-    seed: Array,
+    seed: _Seed,
     result: Match | NoMatch,
     config: FrontendConfig,
 ) -> None:
@@ -191,7 +198,7 @@ def _accept(
     state.matches[k] = result.n_matches
     if isinstance(result, Match):
         state.matched_covariance[k] = result.covariance
-    if isinstance(result, Match) and _believed(recording, state, k, seed, result, config):
+    if isinstance(result, Match) and _believed(state, seed, result, config):
         state.poses[k] = se2.compose(_origin(state, config), result.T_reference_scan)
         state.covariance[k] = result.covariance
         state.information[k] = se2.to_body_covariance(result.T_reference_scan, result.information)
@@ -199,24 +206,21 @@ def _accept(
         if config.calibrate and recording.source == "ins":
             _learn(recording, state, k)
     else:
-        state.poses[k] = seed
+        state.poses[k] = seed.pose
         j = int(state.reference[k])
-        state.covariance[k] = dead_reckoning.body_covariance(recording, j, k, seed)
+        state.covariance[k] = dead_reckoning.body_covariance(recording, j, k, seed.pose)
         state.verdict[k] = Verdict.FELL_BACK
     state.last = k
 
 
-def _believed(
-    recording: Recording, state: _State, k: int, seed: Array, result: Match, config: FrontendConfig
-) -> bool:
+def _believed(state: _State, seed: _Seed, result: Match, config: FrontendConfig) -> bool:
     variances = np.abs(np.diag(result.covariance)) * [1e6, 1e6, 1.0]
     if not result.converged or np.any(variances > config.most_variance):
         return False
     if np.isinf(config.most_innovation):
         return True
-    innovation = (se2.compose(_origin(state, config), result.T_reference_scan) - seed)[:2]
-    expected = dead_reckoning.map_covariance(recording, state.last, k, seed)[:2, :2]
-    return bool(innovation @ np.linalg.solve(expected, innovation) <= config.most_innovation)
+    innovation = (se2.compose(_origin(state, config), result.T_reference_scan) - seed.pose)[:2]
+    return bool(innovation @ np.linalg.solve(seed.covariance[:2, :2], innovation) <= config.most_innovation)
 
 
 def _origin(state: _State, config: FrontendConfig) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -46,8 +46,10 @@ class Examples:
 
     @classmethod
     def together(cls, several: Sequence[Examples]) -> Examples:
-        """All of them as one."""
-        return cls(*(np.concatenate([getattr(e, name) for e in several]) for name in cls.__annotations__))
+        """All of them as one; of none, no example."""
+        none = cls(np.zeros((0, 2, 3, 7)), np.zeros(0), np.zeros(0, dtype=bool))
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(e, name) for e in (none, *several)]) for name in names))
 
 
 def fit(examples: Examples) -> tuple[Array, float]:
@@ -57,6 +59,7 @@ def fit(examples: Examples) -> tuple[Array, float]:
     prior on the weights.
     """
     from scipy.optimize import minimize
+    from scipy.special import expit
 
     features = np.sqrt(examples.counts.reshape(len(examples.right), -1))
     scale = features.std(axis=0) + SPREAD
@@ -64,7 +67,7 @@ def fit(examples: Examples) -> tuple[Array, float]:
 
     def loss(theta: Array) -> tuple[float, Array]:
         margin = sign * (features @ theta[1:] + theta[0])
-        pull = -sign / (1.0 + np.exp(margin))
+        pull = -sign * expit(-margin)
         gradient = np.concatenate([[pull.sum()], features.T @ pull + theta[1:]])
         return float(np.logaddexp(0.0, -margin).sum() + 0.5 * theta[1:] @ theta[1:]), gradient
 

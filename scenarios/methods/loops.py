@@ -106,13 +106,13 @@ class _Search:
     def distances(self, b: int) -> Array:
         """Metres ``(K,)`` from node b to every node along the drive and over the loops that are trusted."""
         k = len(self.submaps)
-        trusted = [pair for (pair, _), w in zip(self.accepted(), self.weights, strict=False) if w > 0.5]
-        rows = [*range(k - 1), *(pair[0] for pair in trusted)]
-        columns = [*range(1, k), *(pair[1] for pair in trusted)]
-        lengths = [*np.maximum(self.steps, 1e-6), *[self.config.trusted_edge] * len(trusted)]
-        return dijkstra(
-            coo_array((lengths, (rows, columns)), shape=(k, k)).tocsr(), directed=False, indices=b
-        )
+        lengths = dict(zip(pairwise(range(k)), np.maximum(self.steps, 1e-6).tolist(), strict=True))
+        for (pair, _), weight in zip(self.accepted(), self.weights, strict=False):
+            if weight > 0.5:
+                lengths[pair] = min(self.config.trusted_edge, lengths.get(pair, np.inf))
+        rows, columns = zip(*lengths, strict=True)
+        edges = coo_array((list(lengths.values()), (rows, columns)), shape=(k, k))
+        return dijkstra(edges.tocsr(), directed=False, indices=b)
 
     def reach(self, distance: Array | float) -> Array:
         """Half width [m] of the search at a graph distance [m]."""
@@ -189,6 +189,7 @@ def close(
     odometry; ``stitch`` answers for a pair and where the graph expects it.
     """
     search = _Search(submaps, backbone, source, config)
+    search.settle()  # dead reckoning and matches have their say even where nothing is ever stitched
     for _ in range(config.rounds):
         asked = len(search.results)
         for b in range(1, len(submaps)):

@@ -87,6 +87,7 @@ def _window(config: MatchConfig, prior: Array) -> tuple[float, ...]:
     """The search's settings, its window no wider than four standard deviations of the prior."""
     if not prior.any():
         return config.search
-    known = np.linalg.eigvalsh(prior[:2, :2])[0], prior[2, 2]
+    (xx, xy, _), (_, yy, _), (_, _, turn) = prior
+    known = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy), turn
     shift, turn = (4.0 / np.sqrt(value) if value > 0.0 else np.inf for value in known)
     return min(config.search[0], float(shift)), min(config.search[1], float(turn)), *config.search[2:]

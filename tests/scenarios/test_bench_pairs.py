@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -57,7 +56,7 @@ def test_rows_are_spread_evenly_from_first_to_last():
 def test_intel_pairs_are_consecutive_scans_against_the_peers_poses(logs):
     found = making.intel(logs, 100)
     assert len(found) == 39
-    assert not found.pairs[7].truth_covariance.any()
+    np.testing.assert_allclose(np.sqrt(np.diag(found.pairs[7].truth_covariance)), making.GMAPPING_SIGMA)
     step = 2.0 * np.pi / cost.LAP
     for pair in found.pairs:
         np.testing.assert_allclose(np.hypot(*pair.T_reference_scan[:2]), 2.0 * np.sin(step / 2), rtol=1e-9)
@@ -81,9 +80,7 @@ def test_rounded_truth_scatters_as_its_covariance_says():
     first = rng.uniform(-3.0, 3.0, (4000, 3))
     rounded = se2.between(first.round(2), se2.compose(first, T).round(2))
     errors = se2.log(se2.between(rounded, T))
-    recording = SimpleNamespace(ranges=np.zeros((2, 1)), angles=np.zeros(1), laser=making.LASER)
-    poses = np.array([[0.0, 0.0, 0.0], [0.8, 0.1, 0.3]])
-    claimed = making._logged(recording, poses, 1, 0.01).truth_covariance
+    claimed = making.of_rounding(np.array([0.8, 0.1, 0.3]), 0.01)
     np.testing.assert_allclose(np.cov(errors.T), claimed, atol=2e-6)
 
 

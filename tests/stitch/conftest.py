@@ -17,7 +17,7 @@ from slam.se2 import Array
 from slam.submap import Submap
 
 LASER = Laser(range_max=12.0)
-ANGLES = np.radians(np.arange(-180.0, 180.0, 1.0))
+ANGLES = np.radians(np.arange(-180.0, 180.0, 2.0))
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> list[list[float]]:

@@ -26,7 +26,7 @@ from stitch.raster import dilated
 
 Plan = dict[str, Callable[..., Any]]
 CHECKOUT = Path(__file__).resolve().parents[2]
-ANGLES = np.radians(np.arange(-180.0, 180.0, 1.0))
+ANGLES = np.radians(np.arange(-180.0, 180.0, 2.0))
 """Of the beams that the plan is seen with."""
 POSES = {"a": np.array([6.0, 9.0, 0.4]), "b": np.array([16.0, 9.0, -2.5]), "c": np.array([24.0, 9.0, 1.3])}
 SIDES = {"a": 0.05, "b": 0.1, "c": 0.05}

@@ -23,7 +23,8 @@ def random_raster(seed: int, shape: tuple[int, int], first: tuple[int, int]) -> 
     rng = np.random.default_rng(seed)
     occupied = rng.uniform(size=shape) < 0.1
     free = (rng.uniform(size=shape) < 0.7) & ~dilated(occupied)
-    return Raster(occupied, free, np.array(first, dtype=float), 0.5)
+    facing = np.stack([occupied, 0 * occupied]).astype(np.float32)
+    return Raster(occupied, free, np.array(first, dtype=float), 0.5, facing=facing)
 
 
 def points_of(raster: Raster) -> np.ndarray:
@@ -35,7 +36,7 @@ def walls(raster: Raster) -> Walls:
     """The raster as a map of its own, every cell a point."""
     points = points_of(raster)
     grid = Grid(raster.occupied, raster.free, raster.first * raster.resolution, raster.resolution)
-    return Walls(points, np.ones(len(points)), grid)
+    return Walls(points, np.ones(len(points)), np.tile([1.0, 0.0], (len(points), 1)), grid)
 
 
 def field_of(a: Raster, b: Raster, config: AlignConfig = CONFIG, prior: Prior | None = None) -> ScoreField:

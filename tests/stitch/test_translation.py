@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from slam import se2
-from stitch.raster import Raster
-from stitch.translation import LINE, best_shifts, by_spectra, correlate, padded_shape, spectra
+from slam.occupancy import Grid
+from stitch.kernels import multiply
+from stitch.raster import Raster, rasterise
+from stitch.translation import (
+    FACING,
+    LINE,
+    best_shifts,
+    by_spectra,
+    correlate,
+    padded_shape,
+    spectra,
+)
 
 
-def raster(occupied: np.ndarray, free: np.ndarray | None = None, first: tuple[int, int] = (0, 0)) -> Raster:
+def raster(
+    occupied: np.ndarray,
+    free: np.ndarray | None = None,
+    first: tuple[int, int] = (0, 0),
+    facing: tuple[float, float] | None = (0.6, 0.8),
+    weight: np.ndarray | None = None,
+) -> Raster:
+    """Cells of 0.5 m whose walls all face one way, or unknown ways."""
     free = np.zeros_like(occupied) if free is None else free
-    return Raster(occupied, free, np.array(first, dtype=float), 0.5)
+    weight = occupied.astype(np.float32) if weight is None else weight
+    faced = None if facing is None else (weight * np.array(facing)[:, None, None]).astype(np.float32)
+    return Raster(occupied, free, np.array(first, dtype=float), 0.5, weight, faced)
 
 
 def correlation(a: Raster, b: Raster, **options):
@@ -26,22 +47,24 @@ def best_translation(found, free_penalty: float) -> np.ndarray:
     return found.translations()[row, column]
 
 
-def slow_score(a: Raster, b: Raster, lag: tuple[int, int], penalty: float) -> tuple[float, float]:
-    """Score without blur, and overlap in cells, cell by cell."""
-    score = overlap = 0.0
+def slow_score(a: Raster, b: Raster, lag: tuple[int, int], penalty: float) -> float:
+    """Score without blur, cell by cell."""
+    score = 0.0
     for row, column in np.ndindex(b.occupied.shape):
         i, j = row + lag[1], column + lag[0]
         if 0 <= i < a.occupied.shape[0] and 0 <= j < a.occupied.shape[1]:
-            score += a.occupied[i, j] & b.occupied[row, column]
+            alike = (1.0 - FACING) + FACING * (a.facing[:, i, j] @ b.facing[:, row, column])
+            score += alike * (a.occupied[i, j] & b.occupied[row, column])
             score -= penalty * (a.occupied[i, j] & b.free[row, column])
             score -= penalty * (a.free[i, j] & b.occupied[row, column])
-            overlap += (a.occupied | a.free)[i, j] & (b.occupied | b.free)[row, column]
-    return score, overlap
+    return score
 
 
 def random_raster(rng: np.random.Generator, shape: tuple[int, int], first: tuple[int, int]) -> Raster:
-    kind = rng.integers(0, 3, shape)
-    return raster(kind == 1, kind == 2, first)
+    """Walls, free space and unknown cells, mixed; each wall faces a way of its own."""
+    kind, angle = rng.integers(0, 3, shape), rng.uniform(-np.pi, np.pi, shape)
+    facing = ((kind == 1) * np.stack([np.cos(angle), np.sin(angle)])).astype(np.float32)
+    return replace(raster(kind == 1, kind == 2, first), facing=facing)
 
 
 def test_correlation_agrees_with_the_slow_twin_at_every_shift() -> None:
@@ -53,9 +76,7 @@ def test_correlation_agrees_with_the_slow_twin_at_every_shift() -> None:
     assert found_score.shape == (7 + 4 - 1, 5 + 6 - 1)
     for row, column in np.ndindex(found_score.shape):
         lag = (column - 5, row - 3)
-        score, overlap = slow_score(a, b, lag, 2.5)
-        assert found_score[row, column] == pytest.approx(score, abs=1e-3)
-        assert found.overlap[row, column] == pytest.approx(overlap * 0.25, abs=1e-3)
+        assert found_score[row, column] == pytest.approx(slow_score(a, b, lag, 2.5), abs=1e-3)
         expected = 0.5 * (np.array(lag) + np.array([-3 - 1, 2 + 9]))
         np.testing.assert_allclose(found.translations()[row, column], expected)
 
@@ -79,8 +100,8 @@ def test_a_cell_of_a_straight_wall_collects_its_neighbours() -> None:
 
 def test_weights_count_on_both_sides() -> None:
     """A heavy and a light cell: products where walls meet, weights where a wall meets free space."""
-    a = Raster(np.array([[True, True]]), np.zeros((1, 2), bool), np.zeros(2), 0.5, np.float32([[1.0, 0.5]]))
-    b = Raster(np.array([[True]]), np.zeros((1, 1), bool), np.zeros(2), 0.5, np.float32([[0.4]]))
+    a = raster(np.array([[True, True]]), weight=np.float32([[1.0, 0.5]]))
+    b = raster(np.array([[True]]), weight=np.float32([[0.4]]))
     np.testing.assert_allclose(correlation(a, b, blur=0.0).agreement[0], [0.4, 0.2], atol=1e-6)
     open_floor = raster(np.zeros((1, 1), bool), np.ones((1, 1), bool))
     np.testing.assert_allclose(correlation(a, open_floor, blur=0.0).conflict[0], [1.0, 0.5], atol=1e-6)
@@ -116,16 +137,68 @@ def test_free_space_fixes_what_walls_alone_get_wrong() -> None:
     np.testing.assert_allclose(best_translation(correlation(a, b), 5.0), truth)
 
 
+@pytest.mark.parametrize(("facing", "share"), [((0.0, 1.0), 1.0), ((0.0, -1.0), 0.0), (None, 0.5)])
+def test_walls_seen_from_opposite_sides_do_not_agree(
+    facing: tuple[float, float] | None, share: float
+) -> None:
+    """Half the agreement is left where nobody knows."""
+    wall = np.zeros((9, 60), bool)
+    wall[4, 10:50] = True
+    a, b = raster(wall, facing=(0.0, 1.0)), raster(wall, facing=facing)
+    assert correlation(a, b).agreement.max() == pytest.approx(share * LINE * 40, rel=0.05, abs=0.1)
+
+
+@pytest.mark.parametrize("window", [None, (np.array([-2.0, 1.0]), np.array([3.0, 4.5]))])
+def test_a_half_turn_is_that_of_the_map_itself(window: tuple[np.ndarray, np.ndarray] | None) -> None:
+    """Spectra turned by π against those of a map really turned by π: the same at every shift."""
+    rng = np.random.default_rng(2)
+    points, angle = rng.uniform([-1.4, 2.1], [2.5, 4.5], (30, 2)), rng.uniform(-np.pi, np.pi, 30)
+    points = points[np.unique(np.floor(points / 0.5), axis=0, return_index=True)[1]]  # one in a cell
+    normals = np.stack([np.cos(angle), np.sin(angle)], -1)[: len(points)]
+    weights = rng.uniform(0.1, 1.0, len(points))
+    grid = Grid(np.zeros((5, 8), bool), rng.uniform(size=(5, 8)) < 0.7, np.array([-1.4, 2.1]), 0.5)
+    a = random_raster(rng, (9, 13), (4, -6))
+    upright, turned = (
+        rasterise(points, grid, np.array([0.0, 0.0, yaw]), 0.5, weights, normals) for yaw in (0.0, np.pi)
+    )
+    shape = padded_shape(a, max(upright.occupied.shape))
+    found, expected = (
+        correlate(spectra(a, shape), b, window=window)
+        for b in (spectra(upright, shape).half_turned(), spectra(turned, shape))
+    )
+    np.testing.assert_allclose(found.agreement, expected.agreement, atol=1e-4)
+    np.testing.assert_allclose(found.conflict, expected.conflict, atol=1e-4)
+    np.testing.assert_allclose(found.first, expected.first)
+    assert found.agreement.max() > 1.0
+    assert found.conflict.max() > 1.0
+
+
+def test_products_of_transforms_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(3)
+    a, b = (
+        (rng.normal(size=(4, 6, 5)) + 1j * rng.normal(size=(4, 6, 5))).astype(np.complex64) for _ in range(2)
+    )
+    gain = rng.uniform(size=(6, 5)).astype(np.float32)
+    found = multiply(a, b, gain, 0.3)
+    crossed = a * np.conj(b)
+    agreement = gain * (0.7 * crossed[0] + 0.3 * (crossed[2] + crossed[3]))
+    conflict = a[1] * np.conj(b[0]) + a[0] * np.conj(b[1])
+    assert found.dtype == np.complex64
+    np.testing.assert_allclose(found, [agreement, conflict], rtol=1e-4, atol=1e-5)
+
+
 def test_spectra_of_different_padding_are_refused() -> None:
     one = raster(np.ones((3, 3), bool))
     with pytest.raises(ValueError, match="different shape"):
         correlate(spectra(one, (8, 8)), spectra(one, (9, 8)))
 
 
-def test_best_shifts_are_distinct_and_positive() -> None:
-    score = np.zeros((20, 20))
-    score[5, 5], score[5, 6], score[15, 10] = 3.0, 2.9, 1.0
-    assert best_shifts(score, 5, 2) == [(5, 5), (15, 10)]
+def test_best_shifts_are_distinct_and_finite() -> None:
+    """A score below zero counts as well: the judge may still prefer it."""
+    score = np.full((20, 20), -np.inf)
+    score[5, 5], score[5, 6], score[15, 10], score[0, 19] = 3.0, 2.9, -1.0, -7.0
+    assert best_shifts(score, 5, 2) == [(5, 5), (15, 10), (0, 19)]
+    assert best_shifts(score, 2, 2) == [(5, 5), (15, 10)]
 
 
 def test_best_shifts_of_an_empty_window() -> None:

@@ -10,17 +10,17 @@ import pytest
 from stitch.raster import Raster
 from stitch.result import Prior
 from stitch.verification import (
+    NOTHING,
     Acceptance,
     Evidence,
     Standing,
     far_from,
     measure,
-    odds,
     reason_against,
-    rivalry,
 )
 
-GOOD = Evidence(overlap_area=20.0, open_area=15.0, omega=0.99, agreement=0.9, conflict=0.01)
+GOOD = Evidence(overlap_area=20.0, open_area=15.0, agreement=0.9)
+LIMITS = Acceptance(min_odds=2.0, min_odds_guided=-1.0, min_firmness=0.1, max_rivalry=0.3)
 
 
 def raster(rows: list[str], first: tuple[int, int] = (0, 0), resolution: float = 1.0) -> Raster:
@@ -37,8 +37,6 @@ def test_by_hand() -> None:
     assert evidence.open_area == 3.0
     # b has two walls in the overlap: one shared, one in a's free space; a has two, both near a wall of b
     assert evidence.agreement == pytest.approx(0.5)
-    assert evidence.conflict == pytest.approx(1.0 / 4.0)
-    assert evidence.omega == pytest.approx(4.0 / 5.0)
 
 
 def test_offsets_and_resolution_count() -> None:
@@ -49,7 +47,7 @@ def test_offsets_and_resolution_count() -> None:
 
 
 def test_maps_apart_share_nothing() -> None:
-    assert measure(raster(["#."]), raster(["#."], (5, 5))) == Evidence(0.0, 0.0, 0.0, 0.0, 0.0)
+    assert measure(raster(["#."]), raster(["#."], (5, 5))) == NOTHING
 
 
 def test_rasters_of_different_resolution_are_refused() -> None:
@@ -57,10 +55,11 @@ def test_rasters_of_different_resolution_are_refused() -> None:
         measure(raster(["#"]), raster(["#"], resolution=0.5))
 
 
-STANDING = Standing(odds=30.0, firmness=0.9, rivalry=0.1, guided=False)
+STANDING = Standing(odds=30.0, rival=2.5, firmness=0.9, guided=False)
 
 
 def test_good_evidence_is_believed() -> None:
+    assert reason_against(GOOD, STANDING, LIMITS) is None
     assert reason_against(GOOD, STANDING, Acceptance()) is None
 
 
@@ -69,43 +68,44 @@ def test_good_evidence_is_believed() -> None:
     [
         ({"overlap_area": 3.9}, {}, "overlap"),
         ({"open_area": 2.9}, {}, "free in both"),
-        ({"omega": 0.89}, {}, "omega"),
-        ({"agreement": 0.39}, {}, "agreement of the walls"),
-        ({"conflict": 0.16}, {}, "conflict"),
-        ({}, {"odds": 11.9}, "evidence"),
-        ({}, {"odds": -0.1, "guided": True}, "evidence"),
-        ({}, {"firmness": 0.24}, "firmness"),
-        ({}, {"rivalry": 0.51}, "ambiguity"),
-        ({}, {"rivalry": np.nan}, "ambiguity"),
+        ({}, {"odds": 1.9, "rival": -np.inf}, "evidence"),
+        ({}, {"odds": -1.1, "rival": -np.inf, "guided": True}, "evidence"),
+        ({}, {"odds": np.nan}, "evidence"),
+        ({}, {"firmness": 0.09}, "firmness"),
+        ({}, {"rival": 10.5}, "ambiguity"),
+        ({}, {"rival": 31.0}, "ambiguity"),
+        ({}, {"rival": np.nan}, "ambiguity"),
     ],
 )
 def test_every_limit_can_refuse(change: dict, standing: dict, word: str) -> None:
-    reason = reason_against(replace(GOOD, **change), replace(STANDING, **standing), Acceptance())
+    reason = reason_against(replace(GOOD, **change), replace(STANDING, **standing), LIMITS)
     assert reason is not None
     assert word in reason
     assert "\n" not in reason
 
 
 def test_a_prior_needs_less_evidence() -> None:
-    weak = replace(STANDING, odds=0.5)
-    assert reason_against(GOOD, weak, Acceptance()) is not None
-    assert reason_against(GOOD, replace(weak, guided=True), Acceptance()) is None
+    weak = replace(STANDING, odds=0.5, rival=-np.inf)
+    assert reason_against(GOOD, weak, LIMITS) is not None
+    assert reason_against(GOOD, replace(weak, guided=True), LIMITS) is None
 
 
-def test_odds_by_hand() -> None:
-    """A hundred cells that agree, without and with ten that do not, against chance (0.1 of conflicts)."""
-    assert odds(100.0, 0.0) == pytest.approx(100.0 * np.log(0.999 / 0.9))
-    changed = 0.5 * (100.0 * np.log(0.95 / 0.9) + 10.0 * np.log(0.05 / 0.1))
-    assert odds(100.0, 10.0) == pytest.approx(changed)
-    assert odds(100.0, 30.0) < 0.0
-    assert odds(200.0, 1.0) > odds(100.0, 1.0) > odds(100.0, 3.0)
+def test_rivalry_is_counted_from_the_least_odds() -> None:
+    """2 is the least, so a rival at 5 has 3 of the 10 that the best has above it; beside a prior 6 of 13."""
+    fair = replace(STANDING, odds=12.0)
+    assert reason_against(GOOD, replace(fair, rival=4.9), LIMITS) is None
+    reason = reason_against(GOOD, replace(fair, rival=5.1), LIMITS)
+    assert reason is not None
+    assert "odds of a rival) 0.31, expected at most 0.3" in reason
+    guided = reason_against(GOOD, replace(fair, rival=5.0, guided=True), LIMITS)
+    assert guided is not None
+    assert "odds of a rival) 0.462" in guided
 
 
-def test_a_rival_is_disproved_by_conflicts_alone() -> None:
-    assert rivalry((100.0, 0.0), (90.0, 0.0)) == pytest.approx(0.9)
-    assert rivalry((100.0, 0.0), (300.0, 0.0)) == 1.0
-    assert rivalry((100.0, 0.0), (98.0, 2.0)) == pytest.approx(0.98 * 0.5)
-    assert rivalry((100.0, 0.0), (90.0, 10.0)) == 0.0
+@pytest.mark.parametrize("rival", [-np.inf, -40.0, 2.0])
+def test_a_rival_below_the_least_odds_is_none(rival: float) -> None:
+    barely = replace(STANDING, odds=2.0 + 1e-6, rival=rival)
+    assert reason_against(GOOD, barely, LIMITS) is None
 
 
 def test_far_from_the_prior() -> None:

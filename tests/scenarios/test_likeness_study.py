@@ -1,0 +1,196 @@
+"""What is learnt from alignments: known answers come back, and the command prints what it learnt."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import scenarios.ablate.pairs
+from scenarios.ablate.examples import Examples, fit, fit_guided
+from scenarios.ablate.pairs import Harvest, Pair
+from scenarios.ablate.study.likeness import Options, run
+from scenarios.ablate.trial import LIMIT, apart, drawn_prior, is_right
+from scenarios.cli import BadInput
+from sim.laser import Raycaster
+from slam import se2
+from slam.occupancy import draw
+from slam.recording import Laser
+from slam.scan import Scan
+from slam.se2 import Array
+from slam.submap import Submap
+from stitch.config import AlignConfig
+
+ANGLES = np.radians(np.arange(-180.0, 180.0, 2.0))
+LASER = Laser(range_max=8.0)
+FRAMES = np.array([[2.0, 2.0, 0.3], [6.0, 2.0, -1.4]])
+"""Of the two maps of the tiny building, in the building."""
+
+
+def tiny_building() -> Raycaster:
+    """Three rooms in a row with doors and a pillar each, none like another."""
+    walls = [[0.0, 0.0, 11.0, 0.0], [0.0, 4.0, 11.0, 4.0], [0.0, 0.0, 0.0, 4.0], [11.0, 0.0, 11.0, 4.0]]
+    walls += [[4.0, 0.0, 4.0, 1.5], [4.0, 2.7, 4.0, 4.0], [8.0, 0.0, 8.0, 2.2], [8.0, 3.4, 8.0, 4.0]]
+    walls += [[1.0, 3.0, 1.8, 3.0], [5.2, 0.8, 5.2, 1.6], [5.2, 1.6, 6.8, 1.6], [9.5, 2.0, 9.9, 2.9]]
+    return Raycaster.from_segments(np.array(walls))
+
+
+def submap(building: Raycaster, frame: Array, x: Array, rng: np.random.Generator) -> Submap:
+    """What is seen from places ``x`` along the middle of the rooms."""
+    poses = np.column_stack([x, np.full(len(x), 2.3), x])
+    ranges = building.cast(poses, ANGLES)
+    ranges = np.where(ranges < LASER.range_max, ranges, np.nan) + rng.normal(0.0, 0.01, ranges.shape)
+    local = se2.between(frame, poses)
+    scans = [Scan.from_ranges(r, ANGLES, LASER).transformed(T) for r, T in zip(ranges, local, strict=True)]
+    return Submap(0, len(x), frame, Scan.merged(scans), draw(local, ranges, ANGLES, LASER, 0.05))
+
+
+@pytest.fixture(scope="module")
+def pair() -> Pair:
+    rng, building = np.random.default_rng(0), tiny_building()
+    a, b = (
+        submap(building, frame, np.linspace(*ends, 12), rng)
+        for frame, ends in zip(FRAMES, [(0.7, 7.0), (4.6, 10.5)], strict=True)
+    )
+    middle = se2.transform(se2.inverse(FRAMES[1]), np.array([[6.0, 2.0]]))[0]
+    return Pair("tiny", 200, "50 %", a, b, se2.between(*FRAMES), middle, 0.5, False)
+
+
+def examples(counts: Array, right: np.ndarray, unlikely: Array | None = None) -> Examples:
+    return Examples(counts, np.zeros(len(right)) if unlikely is None else unlikely, right)
+
+
+def chances(odds: Array, rng: np.random.Generator) -> np.ndarray:
+    """Right or wrong, as often as their log-odds say."""
+    return rng.uniform(size=len(odds)) < 1.0 / (1.0 + np.exp(-odds))
+
+
+def test_known_weights_are_learnt() -> None:
+    rng = np.random.default_rng(0)
+    counts = rng.poisson(rng.uniform(1.0, 40.0, (2, 3, 7)), (6000, 2, 3, 7)).astype(float)
+    counts[:, 1, 2, 6] = 0.0  # never met
+    weights = rng.normal(0.0, 0.4, (2, 3, 7))
+    weights[1, 2, 6] = 0.0
+    plain = np.sum(weights * np.sqrt(counts), axis=(1, 2, 3))
+    bias = 0.7 - float(plain.mean())
+    found, constant = fit(examples(counts, chances(plain + bias, rng)))
+    np.testing.assert_allclose(found, weights, atol=0.2)
+    assert constant == pytest.approx(bias, abs=1.0)
+    assert found[1, 2, 6] == pytest.approx(0.0, abs=1e-6)
+    odds = np.sum(found * np.sqrt(counts), axis=(1, 2, 3)) + constant
+    assert np.sqrt(np.mean((odds - plain - bias) ** 2)) < 0.15 * plain.std()
+
+
+def test_counts_that_tell_everything_do_not_run_away() -> None:
+    """Right and wrong apart by one count, and by a thousand points: weights stay finite and small."""
+    counts = np.zeros((400, 2, 3, 7))
+    counts[:200, 0, 0, 0], counts[200:, 0, 2, 6] = 90000.0, 90000.0
+    weights, bias = fit(examples(counts, np.arange(400) < 200))
+    assert np.abs(weights).max() < 0.1
+    assert weights[0, 0, 0] > 0.0 > weights[0, 2, 6]
+    assert abs(bias) < 5.0
+
+
+def test_what_a_prior_adds_is_learnt() -> None:
+    """Beside what the walls say and what the distance from the prior takes away."""
+    rng = np.random.default_rng(1)
+    counts, unlikely = rng.poisson(9.0, (20000, 2, 3, 7)).astype(float), rng.uniform(0.0, 6.0, 20000)
+    weights = rng.normal(0.0, 0.3, (2, 3, 7))
+    odds = np.sum(weights * np.sqrt(counts), axis=(1, 2, 3))
+    bias = -float(odds.mean())
+    right = chances(odds + bias - unlikely + 2.5, rng)
+    assert fit_guided(examples(counts, right, unlikely), weights, bias) == pytest.approx(2.5, abs=0.1)
+
+
+def test_examples_of_a_pair_hold_the_truth(pair: Pair) -> None:
+    alone = Examples.of_pair(pair, None, AlignConfig())
+    told = Examples.of_pair(pair, drawn_prior(pair.T_a_b, np.random.default_rng(0)), AlignConfig())
+    for one in (alone, told):
+        assert one.counts.shape == (len(one.right), 2, 3, 7)
+        assert one.right.sum() == 1
+    assert len(alone.right) > 1
+    assert np.all(alone.unlikely == 0.0)
+    assert np.all(told.unlikely > 0.0)
+    same_way = alone.counts[:, 0, 0, :3].sum(axis=1)
+    assert np.argmax(same_way) == np.argmax(alone.right)
+
+
+def test_together_in_their_order() -> None:
+    first = examples(np.ones((1, 2, 3, 7)), np.array([True]), np.array([0.5]))
+    second = examples(np.zeros((2, 2, 3, 7)), np.array([False, True]), np.array([1.5, 2.5]))
+    both = Examples.together([first, second])
+    np.testing.assert_array_equal(both.right, [True, False, True])
+    np.testing.assert_array_equal(both.unlikely, [0.5, 1.5, 2.5])
+    assert both.counts[:, 0, 0, 0].tolist() == [1.0, 0.0, 0.0]
+    assert Examples.together([]).counts.shape == (0, 2, 3, 7)
+
+
+def test_right_is_measured_where_the_maps_meet() -> None:
+    turned = np.array([0.0, 0.0, np.radians(1.9)])
+    near, far = np.array([5.0, 0.0]), np.array([12.0, 0.0])
+    assert apart(turned, np.zeros(3), near) == pytest.approx((10.0 * np.sin(turned[2] / 2.0), turned[2]))
+    assert is_right(turned, np.zeros(3), near)
+    assert not is_right(turned, np.zeros(3), far)
+    assert not is_right(np.array([LIMIT[0] + 0.01, 0.0, 0.0]), np.zeros(3), near)
+    assert not is_right(np.array([0.0, 0.0, LIMIT[1] + 0.01]), np.zeros(3), np.zeros(2))
+    assert is_right(np.array([0.0, 0.0, 2.0 * np.pi]), np.zeros(3), far)
+
+
+def test_the_table_is_that_of_the_code(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One building of one pair, and one without any: what is printed can be pasted over stitch.likeness."""
+    asked = []
+
+    def harvest(scenario, seed: int, quota: int) -> Harvest:
+        asked.append((scenario.name, seed))
+        return Harvest((pair,) if seed == 200 else (), 2, 0)
+
+    monkeypatch.setattr(scenarios.ablate.pairs, "harvest", harvest)
+    run(Options(scenarios="beehive", seeds="200,201", workers=1))
+    printed = capsys.readouterr()
+    assert asked == [("beehive", 200), ("beehive", 201)]
+    assert "beehive 201: 0 and 0 alignments" in printed.err
+    said, table = printed.out.split("\n\n", 1)
+    assert "without a prior, 1 of them right" in said
+    pasted: dict = {"np": np}
+    exec(table, pasted)
+    assert pasted["WEIGHTS"].shape == (2, 3, 7)
+    assert np.isfinite(pasted["WEIGHTS"]).all()
+    assert np.any(pasted["WEIGHTS"] != 0.0)
+    assert np.isfinite([pasted["BIAS"], pasted["GUIDED"]]).all()
+
+
+def test_one_kind_of_alignments_teaches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenarios.ablate.pairs, "harvest", lambda *_: Harvest((), 0, 0))
+    with pytest.raises(BadInput, match="right and wrong alignments"):
+        run(Options(scenarios="beehive", seeds="200", workers=1))
+
+
+def test_reported_seeds_are_refused() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "scenarios.ablate", "likeness", "--seeds", "99-101"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "expected seeds from 100 on" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (Options(seeds="0"), "from 100 on"),
+        (Options(seeds="300,7"), "from 100 on"),
+        (Options(scenarios="hospitl"), "did you mean 'hospital'"),
+        (Options(workers=-1), "--workers >= 0"),
+    ],
+)
+def test_bad_options(options: Options, complaint: str) -> None:
+    with pytest.raises(BadInput, match=complaint):
+        run(options)
