@@ -19,7 +19,7 @@ from stitch.refinement import ScoreField, climb, covariance, prior_penalty, scor
 from stitch.result import Alternative, NoStitch, Prior, Stitch
 from stitch.rotation import hypotheses
 from stitch.translation import LINE, Correlation, best_shifts, correlate, padded_shape, spectra
-from stitch.verification import NOTHING, Evidence, Standing, far_from, measure, reason_against
+from stitch.verification import Evidence, Standing, far_from, measure, reason_against
 
 Pose = TypeVar("Pose", "Alternative", "Candidate")
 
@@ -28,7 +28,7 @@ DISTINCT = (0.5, np.radians(5.0))
 SHIFTS_PER_ROTATION = 3
 STRIDE = 3
 """One wall point in so many is read while many alternatives climb."""
-FINALISTS = 8
+FINALISTS = 6
 """Candidates that climb on with all points."""
 NEARLY = 0.9
 """Share of the highest peak of the spectra's correlation that a third needs; right angles have two."""
@@ -86,8 +86,6 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
     if not candidates:
         return NoStitch("the prior leaves no alignment at which the maps touch")
     best, evidence = _likeliest(candidates, walls_a.raster(np.zeros(3), config.resolution), walls_b, config)
-    if best is None:
-        return NoStitch("no alignment leaves enough in common", candidates[0].alternative)
     reason = reason_against(evidence, _standing(scene.field, best, candidates), config.acceptance)
     if reason is not None:
         return NoStitch(reason, best.alternative)
@@ -214,14 +212,16 @@ def _ranked(poses: list[Array], scene: Scene) -> list[Candidate]:
 
 def _likeliest(
     candidates: list[Candidate], raster_a: Raster, walls_b: Walls, config: AlignConfig
-) -> tuple[Candidate | None, Evidence]:
-    """The first candidate with enough of the maps in common, and what the cells say of it."""
-    limits, evidence = config.acceptance, NOTHING
+) -> tuple[Candidate, Evidence]:
+    """The first candidate with enough of the maps in common, else the first, and what the cells say of it."""
+    limits, first = config.acceptance, None
     for candidate in candidates:
         evidence = measure(raster_a, walls_b.raster(candidate.T_a_b, config.resolution))
         if evidence.overlap_area >= limits.min_overlap and evidence.open_area >= limits.min_open:
             return candidate, evidence
-    return None, evidence
+        first = first or (candidate, evidence)
+    assert first is not None
+    return first
 
 
 def _distinct(candidates: list[Pose], centre: Array) -> list[Pose]:

@@ -61,8 +61,8 @@ def tally(a: Ground, b: Ground, T_a_b: Array) -> np.ndarray:
     """How many wall points, of both maps, met what in the other: counts ``(2, 3, 7)``.
 
     By kind of the point (see `Ground`); by how the surfaces face: the same way, opposite ways, unknown; by
-    distance (`DISTANCES`). The last column holds, instead: beside a wall in its free space, in free space far
-    from any wall, where nothing is known.
+    distance (`DISTANCES`). The last column holds, in place of facing: beside a wall in its free space (such a
+    point is counted at its distance as well), in free space far from any wall, where nothing is known.
     """
     from stitch.likeness_kernels import meet
 

@@ -23,7 +23,8 @@ class Raster:
 
     The lattice has cells of ``resolution`` m with one corner in the frame's origin. Free cells next to an
     occupied one are left out: half a wall's blur is not a conflict. ``weight (H, W)``: how much an occupied
-    cell counts, None where all count the same.
+    cell counts, None where all count the same. ``facing (2, H, W)``: the way (x, y) its wall faces, times its
+    weight; None where nothing is known of it.
     """
 
     occupied: np.ndarray
@@ -40,9 +41,11 @@ class Raster:
 
 
 def wall_points(submap: Submap, resolution: float) -> tuple[Array, Array]:
-    """Points ``(n, 2)`` m on the submap's walls in its own frame, one per cell of ``resolution`` m.
+    """Points ``(n, 2)`` m on the submap's walls, and the way ``(n, 2)`` they face, in its own frame.
 
-    Each is the mean of the submap's points in the cell, so that no lattice shows in the Hough transform.
+    One per cell of ``resolution`` m: the mean of the submap's points in it, so that no lattice shows in
+    the Hough transform; the way it faces is the mean of their normals, shorter than 1 where they differ
+    or some have none.
     Points in cells the grid does not call occupied (seen through more often than hit) are left out.
     """
     from stitch.kernels import thin
@@ -55,7 +58,8 @@ def wall_points(submap: Submap, resolution: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Walls:
-    """A submap's `wall_points` ``(n, 2)`` with their ``weights (n,)``, and its grid for the free space."""
+    """A submap's `wall_points` ``(n, 2)``, their ``weights (n,)``, the way ``facing (n, 2)`` they face, and
+    its grid for the free space."""
 
     points: Array
     weights: Array
@@ -101,6 +105,8 @@ def rasterise(
     facing: Array | None = None,
 ) -> Raster:
     """Wall points ``(n, 2)`` with ``weights (n,)`` and the free space of their grid, all moved by ``T (3,)``.
+
+    ``facing (n, 2)`` is drawn where there are weights too; of several points in a cell, that of the last.
 
     Walls are rotated as points, which leaves no holes; free space is looked up from each target cell.
     """

@@ -65,8 +65,9 @@ FACING = 0.5
 
 @dataclass(frozen=True)
 class Spectra:
-    """Fourier transforms ``(4, H, W)`` of a raster, padded to ``shape`` against wrapping: of its walls, its free
-    space, and both components of what the walls face.
+    """Fourier transforms ``(4, H, W)`` of a raster, padded to ``shape`` against wrapping.
+
+    Of its walls, its free space, and both components of the way its walls face.
 
     Element 0 is the lattice cell ``first (2,)``; the others are at indices ``low`` to ``high`` (both (column,
     row)), negative ones at the end.
@@ -153,10 +154,11 @@ def correlate(
     """How well two maps fit at all translations of b.
 
     Agreement counts coinciding walls, blurred by ``blur`` cells on both sides and scaled so that one
-    coinciding cell counts 1 (a cell of a straight wall also collects its neighbours' blur, `LINE` in all for
-    a blur of 1), and nothing where they face opposite ways; conflict counts walls in the other's free space.
-    ``window`` = (low (2,), high (2,)) m limits the answer to some translations. Shapes larger than both maps
-    together keep the FFT from wrapping.
+    coinciding cell counts 1 (a cell of a straight wall also collects its neighbours' blur, `LINE` in all
+    for a blur of 1), where both face the same way: opposite ways count nothing, and half where either's
+    is unknown (`FACING`). Conflict counts walls in the other's free space. ``window`` = (low (2,), high
+    (2,)) m limits the answer to some translations. Shapes larger than both maps together keep the FFT
+    from wrapping.
     """
     from scipy.fft import irfft2
 

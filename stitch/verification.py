@@ -16,13 +16,13 @@ from stitch.result import Prior
 class Acceptance:
     """What an alignment must show to be believed.
 
-    ``min_overlap`` m² known in both maps and ``min_open`` m² free in both (two maps laid back to back along
-    one wall share the wall only); ``min_odds``: log-odds that it is the same place (`stitch.likeness`), less is
-    enough beside a prior (``min_odds_guided``), which leaves few other places;
-    ``min_firmness``: share of the agreement that is lost within 0.4 m in every direction, as a bare corridor
-    does not; ``max_rivalry``: of what the best has above the least log-odds, how much another may have: where
-    two would do, neither is believed, as the better may just share more with the other map;
-    ``max_innovation``: squared Mahalanobis distance from the prior, the default χ²₃(0.999).
+    ``min_overlap`` m² known in both maps and ``min_open`` m² free in both (two maps laid back to back
+    along one wall share the wall only); ``min_odds``: log-odds that it is the same place
+    (`stitch.likeness`), less is enough beside a prior (``min_odds_guided``), which leaves few other
+    places; ``min_firmness``: share of the agreement that is lost within 0.4 m in every direction, as a
+    bare corridor does not; ``max_rivalry``: of what the best has above the least log-odds, how much
+    another may have: where two would do, neither is believed, as the better may just share more with the
+    other map; ``max_innovation``: squared Mahalanobis distance from the prior, the default χ²₃(0.999).
     """
 
     min_overlap: float = 4.0
