@@ -14,12 +14,12 @@ from slam.submap import Submap
 from stitch import hough
 from stitch.config import AlignConfig
 from stitch.likeness import GUIDED, Ground, likeness, tally
-from stitch.raster import Raster, Walls, walls_of
+from stitch.raster import Walls, walls_of
 from stitch.refinement import ScoreField, climb, covariance, prior_penalty, score_field
 from stitch.result import Alternative, NoStitch, Prior, Stitch
 from stitch.rotation import hypotheses
 from stitch.translation import LINE, Correlation, best_shifts, correlate, padded_shape, spectra
-from stitch.verification import Evidence, Standing, far_from, measure, reason_against
+from stitch.verification import Standing, far_from, measure, reason_against
 
 Pose = TypeVar("Pose", "Alternative", "Candidate")
 
@@ -85,7 +85,11 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
     candidates = tops(scene, config)
     if not candidates:
         return NoStitch("the prior leaves no alignment at which the maps touch")
-    best, evidence = _likeliest(candidates, walls_a.raster(np.zeros(3), config.resolution), walls_b, config)
+    best = candidates[0]
+    raster_a, raster_b = (
+        walls.raster(T, config.resolution) for walls, T in ((walls_a, np.zeros(3)), (walls_b, best.T_a_b))
+    )
+    evidence = measure(raster_a, raster_b)
     reason = reason_against(evidence, _standing(scene.field, best, candidates), config.acceptance)
     if reason is not None:
         return NoStitch(reason, best.alternative)
@@ -208,20 +212,6 @@ def _ranked(poses: list[Array], scene: Scene) -> list[Candidate]:
     """Candidates, the likeliest first."""
     candidates = [Candidate(T_a_b, scene.odds(T_a_b)) for T_a_b in poses]
     return sorted(candidates, key=lambda candidate: -candidate.odds)
-
-
-def _likeliest(
-    candidates: list[Candidate], raster_a: Raster, walls_b: Walls, config: AlignConfig
-) -> tuple[Candidate, Evidence]:
-    """The first candidate with enough of the maps in common, else the first, and what the cells say of it."""
-    limits, first = config.acceptance, None
-    for candidate in candidates:
-        evidence = measure(raster_a, walls_b.raster(candidate.T_a_b, config.resolution))
-        if evidence.overlap_area >= limits.min_overlap and evidence.open_area >= limits.min_open:
-            return candidate, evidence
-        first = first or (candidate, evidence)
-    assert first is not None
-    return first
 
 
 def _distinct(candidates: list[Pose], centre: Array) -> list[Pose]:

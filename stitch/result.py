@@ -49,8 +49,8 @@ class Alternative:
 class Stitch:
     """Submap b lies at ``T_a_b (3,)`` in the frame of submap a.
 
-    ``covariance (3, 3)`` in the right tangent, None where the method has none; ``score`` in coinciding cells
-    (its scale is the method's own); ``overlap_area`` m² known in both maps; ``agreement`` the share of the
+    ``covariance (3, 3)`` in the right tangent, None where the method has none; ``score`` on a scale of the
+    method's own, more is better; ``overlap_area`` m² known in both maps; ``agreement`` the share of the
     walls in the overlap that both maps have; ``alternatives`` the other candidates, best first.
     """
 

@@ -20,16 +20,18 @@ class Acceptance:
     along one wall share the wall only); ``min_odds``: log-odds that it is the same place
     (`stitch.likeness`), less is enough beside a prior (``min_odds_guided``), which leaves few other
     places; ``min_firmness``: share of the agreement that is lost within 0.4 m in every direction, as a
-    bare corridor does not; ``max_rivalry``: of what the best has above the least log-odds, how much
+    bare corridor does not; ``min_lead``: log-odds ahead of any other
+    alignment; ``max_rivalry``: of what the best has above the least log-odds, how much
     another may have: where two would do, neither is believed, as the better may just share more with the
     other map; ``max_innovation``: squared Mahalanobis distance from the prior, the default χ²₃(0.999).
     """
 
     min_overlap: float = 4.0
     min_open: float = 3.0
-    min_odds: float = 0.4
+    min_odds: float = 0.0
     min_odds_guided: float = -1.0
     min_firmness: float = 0.1
+    min_lead: float = 2.0
     max_rivalry: float = 0.3
     max_innovation: float = 16.27
 
@@ -99,6 +101,13 @@ def reason_against(evidence: Evidence, standing: Standing, acceptance: Acceptanc
         ("space free in both", evidence.open_area, acceptance.min_open, "m²", True),
         ("evidence (log-odds of being the same place)", standing.odds, least_odds, "", True),
         ("firmness (it slides along its walls)", standing.firmness, acceptance.min_firmness, "", True),
+        (
+            "ambiguity: lead over a rival in log-odds",
+            standing.odds - standing.rival,
+            acceptance.min_lead,
+            "",
+            True,
+        ),
         ("ambiguity (odds of a rival)", rivalry, acceptance.max_rivalry, "", False),
     ]
     for name, value, limit, unit, at_least in checks:

@@ -204,12 +204,13 @@ def linearise_pairs(cloud, offsets, lattice, pairs, guesses, radius, robust, fad
     ``cloud`` holds all scans, scan k in rows ``offsets[k]:offsets[k+1]``; ``lattice`` is (cell, heads (K,
     side, side), following) of their lattices. ``pairs (P, 2)`` reference and scan, ``guesses (P, 3)``.
     Returns the relative poses after the step ``(P, 3)``, the information in the reference's frame ``(P, 3,
-    3)`` with weak directions faded, and the pairs of points ``(P,)``.
+    3)`` with weak directions faded, the pairs of points ``(P,)`` and their mean robust χ² ``(P,)``, NaN
+    without any.
     """
     points, normals, covariance, tangent_sigma = cloud
     cell, heads, following = lattice
     stepped, informations = guesses.copy(), np.zeros((len(pairs), 3, 3))
-    counts = np.zeros(len(pairs), np.int64)
+    counts, misfits = np.zeros(len(pairs), np.int64), np.full(len(pairs), np.nan)
     for p in range(len(pairs)):
         i, j = pairs[p]
         a, b, c, d = offsets[i], offsets[i + 1], offsets[j], offsets[j + 1]
@@ -221,13 +222,14 @@ def linearise_pairs(cloud, offsets, lattice, pairs, guesses, radius, robust, fad
         indexed_scan = (scan, (cell, heads[j], following[c:d]))
         matched = np.full(d - c, -1, np.int64)
         correspondences(indexed, indexed_scan, guesses[p], radius, False, 1, matched)
-        information, gradient, used, _, total = normal_equations(
+        information, gradient, used, cost, total = normal_equations(
             PLICP, reference, scan, matched, guesses[p], 1.0, robust, True
         )
         counts[p] = used
         if used == 0:
             continue
+        misfits[p] = cost / used
         information, gradient = fade_weak(information, gradient, total, length, fade)
         stepped[p] += solve_good_directions(information, gradient, length, 1e-3)
         informations[p] = information
-    return stepped, informations, counts
+    return stepped, informations, counts, misfits

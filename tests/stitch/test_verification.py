@@ -20,7 +20,7 @@ from stitch.verification import (
 )
 
 GOOD = Evidence(overlap_area=20.0, open_area=15.0, agreement=0.9)
-LIMITS = Acceptance(min_odds=2.0, min_odds_guided=-1.0, min_firmness=0.1, max_rivalry=0.3)
+LIMITS = Acceptance(min_odds=2.0, min_odds_guided=-1.0, min_firmness=0.1, min_lead=2.0, max_rivalry=0.3)
 
 
 def raster(rows: list[str], first: tuple[int, int] = (0, 0), resolution: float = 1.0) -> Raster:
@@ -72,6 +72,7 @@ def test_good_evidence_is_believed() -> None:
         ({}, {"odds": -1.1, "rival": -np.inf, "guided": True}, "evidence"),
         ({}, {"odds": np.nan}, "evidence"),
         ({}, {"firmness": 0.09}, "firmness"),
+        ({}, {"odds": 3.5, "rival": 1.9}, "lead"),
         ({}, {"rival": 10.5}, "ambiguity"),
         ({}, {"rival": 31.0}, "ambiguity"),
         ({}, {"rival": np.nan}, "ambiguity"),
