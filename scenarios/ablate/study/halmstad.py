@@ -8,12 +8,16 @@ import time
 from collections import defaultdict
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+import tyro
 
 from scenarios.ablate.study.stitching import chosen
 from scenarios.cli import BadInput
+
+if TYPE_CHECKING:
+    from slam.se2 import Array
 
 METHODS = "joint,akaze,orb"
 LIMIT = (1.0, 3.0)
@@ -39,6 +43,8 @@ class Options:
     """Methods by name, with commas between."""
     format: Literal["table", "json"] = "table"
     """What is printed on stdout."""
+    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    """A folder for exp3.png: the answers on Experiment 3 beside the report's own map."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +82,14 @@ def run(options: Options) -> None:
     if not options.data.is_dir():
         raise BadInput(f"--data {options.data}: expected a folder with halmstad/ or maps/exp3/")
     rows = on_pairs(halmstad, methods) if halmstad.is_dir() else []
-    shares = on_pieces(pieces, methods) if (pieces / "part1.png").is_file() else []
+    answers = on_pieces(pieces, methods) if (pieces / "part1.png").is_file() else []
+    shares = [row for row, _ in answers]
     for found, folder in ((rows, halmstad), (shares, pieces)):
         if not found:
             print(f"skipped: {folder} is absent", file=sys.stderr)
+    if options.out is not None and answers:
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / "exp3.png").write_bytes(beside_the_report(pieces, answers))
     if options.format == "json":
         about = {"schema": 1, "study": "halmstad"}
         found_json = {"pairs": [_plain(asdict(row)) for row in rows], "exp3": [asdict(row) for row in shares]}
@@ -123,8 +133,9 @@ def judged(answer: object, T_a_b: np.ndarray, middle_b: np.ndarray) -> tuple[str
     return ("right" if distance <= LIMIT[0] and angle <= LIMIT[1] else "false"), (distance, angle)
 
 
-def on_pieces(folder: Path, methods: list[str]) -> list[PieceRow]:
-    """Rows of the two pieces of Experiment 3."""
+def on_pieces(folder: Path, methods: list[str]) -> list[tuple[PieceRow, Array | None]]:
+    """Rows of the two pieces of Experiment 3, each with where the second lies in the first ``(3,)``, if the
+    method has any idea."""
     from scenarios.ablate.annotated import read_map, shared_walls
     from stitch.align import AlignConfig, NoStitch, align
 
@@ -138,8 +149,25 @@ def on_pieces(folder: Path, methods: list[str]) -> list[PieceRow]:
         best = answer.best if isinstance(answer, NoStitch) else answer
         share = None if best is None else shared_walls(a, b, best.T_a_b, REACH * PIECES_RESOLUTION)
         reason = answer.reason if isinstance(answer, NoStitch) else ""
-        rows.append(PieceRow(method, not refused, share, seconds, reason))
+        row = PieceRow(method, not refused, share, seconds, reason)
+        rows.append((row, None if best is None else best.T_a_b))
     return rows
+
+
+def beside_the_report(folder: Path, answers: list[tuple[PieceRow, Array | None]]) -> bytes:
+    """PNG of every answer on Experiment 3, walls of both pieces in a third colour, after the report's own."""
+    from scenarios.ablate.annotated import read_map
+    from scenarios.ablate.beside import row
+    from stitch.picture import draw
+
+    grids = [read_map(folder / f"part{k}.png", PIECES_RESOLUTION, walls_only=True).grid for k in (1, 2)]
+    pictures = [("the report's own", (folder / "full.png").read_bytes())]
+    for piece, T_a_b in answers:
+        if T_a_b is not None:
+            told = "accepted" if piece.accepted else "its best candidate, refused"
+            picture = draw(("part 1", "part 2"), grids, [np.zeros(3), T_a_b], 2.0 * PIECES_RESOLUTION)
+            pictures.append((f"{piece.method}: {piece.share:.2f} of part 2's walls, {told}", picture))
+    return row(pictures)
 
 
 def print_rows(rows: list[RealRow], shares: list[PieceRow]) -> None:
