@@ -198,6 +198,8 @@ def straight_runs(occupied: np.ndarray, reach: int, directions: int) -> np.ndarr
                             break
                         run += 1
                 runs[i, j] = max(runs[i, j], run)
+                if runs[i, j] == 2 * reach + 1:
+                    break
     return runs
 
 

@@ -28,7 +28,7 @@ class Acceptance:
 
     min_overlap: float = 4.0
     min_open: float = 3.0
-    min_odds: float = 0.0
+    min_odds: float = 0.4
     min_odds_guided: float = -1.0
     min_firmness: float = 0.1
     min_lead: float = 2.0
