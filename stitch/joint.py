@@ -61,13 +61,17 @@ class Scene:
     a: Ground
     b: Ground
     field: ScoreField
-    prior: Prior | None
+
+    @property
+    def prior(self) -> Prior | None:
+        """What is known before."""
+        return self.field.prior
 
     @classmethod
     def of(cls, a: Walls, b: Walls, prior: Prior | None, config: AlignConfig) -> Scene:
         """The scene of two maps' walls; a climb weighs conflicts between the two searches' penalties."""
         penalty = float(np.sqrt(config.free_penalty * config.lenient_penalty))
-        return cls(Ground.of(a), Ground.of(b), score_field(a, b, penalty, prior, config), prior)
+        return cls(Ground.of(a), Ground.of(b), score_field(a, b, penalty, prior, config))
 
     def odds(self, T_a_b: Array) -> float:
         """Log-odds of an alignment: of its likeness, and of the prior where there is one."""
@@ -112,19 +116,26 @@ def tops(scene: Scene, config: AlignConfig) -> list[Candidate]:
 
 
 def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: AlignConfig) -> Array:
-    """Rotations ``(m,)`` rad worth trying: Hough's, or a sweep around the prior where Hough has nothing."""
+    """Rotations ``(m,)`` rad worth trying: Hough's; where walls have no directions (outdoors) a sweep, around
+    the prior or of the whole circle."""
     spectrum_a, spectrum_b = (
         hough.spectrum(hough.transform(walls, config.n_theta, config.resolution))
         for walls in (walls_a, walls_b)
     )
     angles, heights = hypotheses(spectrum_a, spectrum_b, config.n_peaks)
     angles = angles[(np.arange(len(angles)) < 4) | (heights >= NEARLY * heights[0])]
+    straight = hough.gridness(spectrum_a).trustworthy and hough.gridness(spectrum_b).trustworthy
     if prior is None:
-        return angles
+        half = 0.5 * np.pi * np.arange(0.0, 1.0, 2.0 * config.sweep_step / np.pi)
+        return (
+            angles
+            if straight
+            else np.concatenate([half - np.pi, half - 0.5 * np.pi, half, half + 0.5 * np.pi])
+        )
     yaw = prior.T_a_b[2]
     reach = config.prior_sigmas * np.sqrt(prior.covariance[2, 2]) + PRIOR_MARGIN[1]
     angles = angles[np.abs(se2.wrap(angles - yaw)) <= reach]
-    if len(angles) and hough.gridness(spectrum_a).trustworthy and hough.gridness(spectrum_b).trustworthy:
+    if len(angles) and straight:
         return angles
     count = int(np.ceil(min(reach, config.sweep_limit) / config.sweep_step))
     return np.concatenate([angles, se2.wrap(yaw + config.sweep_step * np.arange(-count, count + 1))])

@@ -285,7 +285,7 @@ def test_no_directions_means_a_sweep_around_the_prior() -> None:
     assert np.abs(swept).max() < 0.28
 
 
-def test_a_map_without_straight_lines_is_found_around_the_prior(plan: dict[str, Any]) -> None:
+def test_a_map_without_straight_lines_is_found_around_the_prior_and_alone(plan: dict[str, Any]) -> None:
     rng = np.random.default_rng(8)
     stones = []
     for x, y in rng.uniform(-6.0, 6.0, (40, 2)):
@@ -297,9 +297,20 @@ def test_a_map_without_straight_lines_is_found_around_the_prior(plan: dict[str, 
     a, b = (plan["see"](np.array(stones), poses, anchor, rng) for anchor in anchors)
     T_true = se2.between(anchors[0], anchors[1])
     guess = se2.compose(T_true, [0.3, 0.3, np.radians(7.0)])
-    answer = align(a, b, Prior(guess, np.diag([0.5, 0.5, np.radians(5.0)]) ** 2), CORRELATION)
-    assert isinstance(answer, Stitch), answer
-    assert error(T_true, answer.T_a_b)[0] < 0.06
+    for prior in (Prior(guess, np.diag([0.5, 0.5, np.radians(5.0)]) ** 2), None):
+        answer = align(a, b, prior, CORRELATION)
+        assert isinstance(answer, Stitch), answer
+        assert error(T_true, answer.T_a_b)[0] < 0.06
+
+
+def test_without_directions_and_prior_the_whole_circle_is_searched() -> None:
+    rng = np.random.default_rng(0)
+    bushes = rng.normal(0.0, 5.0, (1500, 2))
+    angles = np.sort(rotations(bushes, bushes[::-1], None, AlignConfig()))
+    assert np.all(np.diff(angles) <= 0.0351)
+    assert angles[0] == pytest.approx(-np.pi)
+    assert angles[-1] > np.pi - 0.0351
+    assert all(len(pair) == 2 for pair in paired(angles))  # half of them need no drawing
 
 
 def test_wall_points_are_thinned_and_leave_out_what_was_seen_through(plan: dict[str, Any]) -> None:
