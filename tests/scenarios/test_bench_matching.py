@@ -34,6 +34,15 @@ def pair_at(T, truth_covariance=None) -> making.Pair:
 SIGMA = np.diag([0.01, 0.01, 0.001]) ** 2
 
 
+def test_a_singular_covariance_claims_what_it_cannot_know():
+    truth = np.array([1.0, 2.0, 0.0])
+    certain = np.diag([0.0, 1e-4, 1e-6])  # of x, as UsarCommander's can be
+    found = score([pair_at(truth)], [Answer(se2.compose(truth, [0.2, 0.0, 0.0]), certain)], np.ones(1))
+    assert found.silent == 1.0
+    assert found.anees is not None
+    assert 1e6 < found.anees < np.inf
+
+
 def test_scores_known_by_hand():
     truth = np.array([1.0, 2.0, 0.5 * np.pi])
     pair = pair_at(truth)

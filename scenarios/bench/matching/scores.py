@@ -23,6 +23,8 @@ COVERED = 14.156
 CHI2_MEDIAN = 2.366
 """Median of χ² of three degrees of freedom."""
 CONFIDENCE = 0.95
+SINGULAR = 1e-12
+"""Variance [m², rad²] added to what is claimed: UsarCommander's covariance can be singular."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def normalised(xi: Array, pair: Pair, answer: Answer | Match) -> float:
     """ξᵀ(Σ + Σ_truth)⁻¹ξ: the squared error in standard deviations; NaN where no covariance is claimed."""
     if answer.covariance is None:
         return float("nan")
-    return float(xi @ np.linalg.solve(answer.covariance + pair.truth_covariance, xi))
+    return float(xi @ np.linalg.solve(answer.covariance + pair.truth_covariance + SINGULAR * np.eye(3), xi))
 
 
 def wilson(successes: int, count: int) -> tuple[float, float]:
