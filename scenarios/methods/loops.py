@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 from scenarios.estimate import TriedStitch
 from slam import se2
 from slam.consistency import consistent_loops
-from slam.posegraph import Loss, PoseGraph, Solution, chi_squared, informations, optimise
+from slam.posegraph import Loss, PoseGraph, Solution, informations, optimise
 from slam.se2 import Array
 from slam.submap import Submap
 from stitch.align import NoStitch, Prior, Stitch
@@ -36,9 +36,6 @@ BACK_ENDS: dict[BackEnd, tuple[bool, Loss]] = {
 INJECTED_OFFSET = (1.0, 5.0)
 """A false stitch that is injected lies this far [m] from where the graph has its submap, turned by any
 angle."""
-
-SURPRISING = 11.34
-"""χ² of a stitch where the graph has the submaps, χ²₃(0.99): beyond, it moves them, or is false."""
 
 Stitcher = Callable[[Submap, Submap, Prior], Stitch | NoStitch]
 
@@ -152,15 +149,6 @@ class _Search:
         solution = settled(replace(self.graph(), poses=self.poses), self.config.back_end)
         self.poses, self.weights = solution.poses, solution.weights
 
-    def take(self, fresh: int) -> None:
-        """Settle anew where one of the last ``fresh`` stitches surprises; the others just confirm."""
-        graph = self.graph()
-        surprise = chi_squared(graph, self.poses)[graph.loop][-fresh:]
-        if np.any(surprise > SURPRISING):
-            self.settle()
-        else:
-            self.weights = np.concatenate([self.weights, np.ones(fresh)])
-
 
 def _middle(submap: Submap) -> Array:
     """Middle ``(2,)`` of a submap's points; its anchor where it has none."""
@@ -207,10 +195,8 @@ def close(
         for b in range(1, len(submaps)):
             tried = {(a, b): stitch(submaps[a], submaps[b], search.prior(a, b)) for a in search.candidates(b)}
             search.results.update(tried)
-            fresh = sum(isinstance(result, Stitch) for result in tried.values())
-            if fresh:
-                search.take(fresh)
-        search.settle()
+            if any(isinstance(result, Stitch) for result in tried.values()):
+                search.settle()
         if len(search.results) == asked:
             break
     tried_stitches = tuple(TriedStitch(a, b, result) for (a, b), result in search.results.items())

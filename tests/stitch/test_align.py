@@ -16,8 +16,8 @@ from slam.occupancy import Grid
 from slam.submap import Submap
 from stitch import NoStitch, Prior, Stitch, align
 from stitch.align import AlignConfig
-from stitch.joint import paired, rotations, search
-from stitch.raster import rasterise, wall_points, walls_of
+from stitch.joint import search
+from stitch.raster import walls_of
 from stitch.verification import Acceptance
 
 CORRELATION = AlignConfig(refine=False)
@@ -266,25 +266,6 @@ def test_covariance_is_symmetric_and_positive(near: tuple[Submap, Submap, np.nda
     assert np.linalg.eigvalsh(answer.covariance)[0] > 1e-6
 
 
-def test_rotations_are_paired_with_their_half_turns() -> None:
-    """Each is in one pair, also where the twin is the same angle beyond ±π."""
-    assert paired(np.array([0.1, 1.0, 0.1 - np.pi, -3.0])) == [[0.1, 0.1 - np.pi], [1.0], [-3.0]]
-    assert paired(np.array([3.0, 3.0 - np.pi, 3.0])) == [[3.0, 3.0 - np.pi], [3.0]]
-    assert paired(np.array([])) == []
-
-
-def test_no_directions_means_a_sweep_around_the_prior() -> None:
-    rng = np.random.default_rng(0)
-    bushes = rng.normal(0.0, 5.0, (1500, 2))
-    prior = Prior(np.array([0.0, 0.0, 3.1]), np.diag([1.0, 1.0, 0.06]) ** 2)
-    found = se2.wrap(rotations(bushes, bushes[::-1], prior, AlignConfig()) - 3.1)
-    swept = np.sort(found)
-    assert np.all(np.diff(swept) <= 0.0351)
-    assert swept[0] < -0.18
-    assert swept[-1] > 0.18
-    assert np.abs(swept).max() < 0.28
-
-
 def test_a_map_without_straight_lines_is_found_around_the_prior_and_alone(plan: dict[str, Any]) -> None:
     rng = np.random.default_rng(8)
     stones = []
@@ -301,38 +282,6 @@ def test_a_map_without_straight_lines_is_found_around_the_prior_and_alone(plan: 
         answer = align(a, b, prior, CORRELATION)
         assert isinstance(answer, Stitch), answer
         assert error(T_true, answer.T_a_b)[0] < 0.06
-
-
-def test_without_directions_and_prior_the_whole_circle_is_searched() -> None:
-    rng = np.random.default_rng(0)
-    bushes = rng.normal(0.0, 5.0, (1500, 2))
-    angles = np.sort(rotations(bushes, bushes[::-1], None, AlignConfig()))
-    assert np.all(np.diff(angles) <= 0.0351)
-    assert angles[0] == pytest.approx(-np.pi)
-    assert angles[-1] > np.pi - 0.0351
-    assert all(len(pair) == 2 for pair in paired(angles))  # half of them need no drawing
-
-
-def test_wall_points_are_thinned_and_leave_out_what_was_seen_through(plan: dict[str, Any]) -> None:
-    occupied, free = np.zeros((10, 10), bool), np.ones((10, 10), bool)
-    occupied[2, 3] = True
-    free[2, 3] = False
-    points = np.array([[3.2, 2.4], [3.4, 2.6], [7.5, 7.5], [-1.0, 2.0], [30.0, 2.0]])
-    submap = Submap(0, 1, np.zeros(3), plan["scan_of"](points), Grid(occupied, free, np.zeros(2), 1.0))
-    points, facing = wall_points(submap, 1.0)
-    np.testing.assert_allclose(points, [[3.3, 2.5]])
-    np.testing.assert_array_equal(facing, [[0.0, 0.0]])
-
-
-def test_rotated_free_space_has_no_holes() -> None:
-    free = np.ones((60, 80), dtype=bool)
-    grid = Grid(~free, free, np.array([-1.0, 2.0]), 0.05)
-    turned = rasterise(np.zeros((0, 2)), grid, np.array([0.3, -0.2, 0.6]), 0.1)
-    assert turned.free.sum() * 0.01 == pytest.approx(4.0 * 3.0, rel=0.02)
-    rows, columns = np.nonzero(turned.free)
-    for row in np.unique(rows):
-        inside = columns[rows == row]
-        assert len(inside) == inside.max() - inside.min() + 1
 
 
 def test_htms_needs_a_large_overlap_and_never_refuses(
