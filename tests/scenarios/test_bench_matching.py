@@ -43,6 +43,15 @@ def test_a_singular_covariance_claims_what_it_cannot_know():
     assert 1e6 < found.anees < np.inf
 
 
+def test_a_covariance_lost_to_rounding_is_scored():
+    """One direction of 10¹², as UsarCommander's can be, and nothing left of the others."""
+    v = np.array([1.1, 0.74, -2.65])
+    truth = np.array([1.0, 2.0, 0.0])
+    found = score([pair_at(truth)], [Answer(truth, 1e12 * np.outer(v, v))], np.ones(1))
+    assert found.silent == 0.0
+    assert found.anees == pytest.approx(0.0)
+
+
 def test_scores_known_by_hand():
     truth = np.array([1.0, 2.0, 0.5 * np.pi])
     pair = pair_at(truth)

@@ -24,7 +24,8 @@ CHI2_MEDIAN = 2.366
 """Median of χ² of three degrees of freedom."""
 CONFIDENCE = 0.95
 SINGULAR = 1e-12
-"""Variance [m², rad²] added to what is claimed: UsarCommander's covariance can be singular."""
+"""Variance [m², rad²] added to what is claimed: UsarCommander's covariance can be singular, or so large (10¹²)
+that its smaller directions are lost to rounding; those then claim nothing."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,8 @@ def normalised(xi: Array, pair: Pair, answer: Answer | Match) -> float:
     """ξᵀ(Σ + Σ_truth)⁻¹ξ: the squared error in standard deviations; NaN where no covariance is claimed."""
     if answer.covariance is None:
         return float("nan")
-    return float(xi @ np.linalg.solve(answer.covariance + pair.truth_covariance + SINGULAR * np.eye(3), xi))
+    claimed = answer.covariance + pair.truth_covariance + SINGULAR * np.eye(3)
+    return float(xi @ np.linalg.pinv(claimed, hermitian=True) @ xi)
 
 
 def wilson(successes: int, count: int) -> tuple[float, float]:
