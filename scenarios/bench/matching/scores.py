@@ -24,8 +24,8 @@ CHI2_MEDIAN = 2.366
 """Median of χ² of three degrees of freedom."""
 CONFIDENCE = 0.95
 SINGULAR = 1e-12
-"""Variance [m², rad²] added to what is claimed: UsarCommander's covariance can be singular, or so large (10¹²)
-that its smaller directions are lost to rounding; those then claim nothing."""
+"""Variance [m², rad²] added to what is claimed: UsarCommander's covariance can be singular. It can also be so
+large (10¹²) that its smaller directions are lost to rounding; those then claim nothing."""
 
 
 @dataclass(frozen=True)
