@@ -12,6 +12,7 @@ from slam.matching import MatchConfig
 from slam.se2 import Array
 from slam.submap import Submap
 from stitch import hough
+from stitch.belief import belief
 from stitch.config import AlignConfig
 from stitch.likeness import GUIDED, Ground, likeness, tally
 from stitch.raster import Walls, walls_of
@@ -19,7 +20,7 @@ from stitch.refinement import ScoreField, climb, covariance, prior_penalty, scor
 from stitch.result import Alternative, NoStitch, Prior, Stitch
 from stitch.rotation import hypotheses
 from stitch.translation import LINE, Correlation, best_shifts, correlate, padded_shape, spectra
-from stitch.verification import Standing, far_from, measure, reason_against
+from stitch.verification import Evidence, Standing, far_from, measure, reason_against
 
 Pose = TypeVar("Pose", "Alternative", "Candidate")
 
@@ -90,11 +91,8 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
     if not candidates:
         return NoStitch("the prior leaves no alignment at which the maps touch")
     best = candidates[0]
-    raster_a, raster_b = (
-        walls.raster(T, config.resolution) for walls, T in ((walls_a, np.zeros(3)), (walls_b, best.T_a_b))
-    )
-    evidence = measure(raster_a, raster_b)
-    reason = reason_against(evidence, _standing(scene.field, best, candidates), config.acceptance)
+    evidence, standing = shown(scene, candidates, config)
+    reason = reason_against(evidence, standing, belief(evidence, standing), config.acceptance)
     if reason is not None:
         return NoStitch(reason, best.alternative)
     located = _located(a, b, scene.field, best, config)
@@ -270,15 +268,24 @@ def _located(
     return T_a_b, sigma + answer.covariance
 
 
-def _standing(field: ScoreField, best: Candidate, candidates: list[Candidate]) -> Standing:
-    """How the best candidate stands by itself, against sliding along its walls and against others."""
+def shown(scene: Scene, candidates: list[Candidate], config: AlignConfig) -> tuple[Evidence, Standing]:
+    """What speaks for the first of the candidates and against it: what the maps share there, and how it
+    stands by itself, against sliding along its walls and against the others."""
+    (best, *others), field = candidates, scene.field
+    T_a_b = best.T_a_b
+    evidence = measure(
+        scene.a.walls.raster(np.zeros(3), config.resolution), scene.b.walls.raster(T_a_b, config.resolution)
+    )
     around = np.pi / 4.0 * np.arange(8)
     shifts = SLIDE * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
-    left = field.agreement(best.T_a_b + shifts) - field.penalty / LINE * field.conflict(best.T_a_b + shifts)
-    agreement = float(field.agreement(best.T_a_b[None])[0])
-    return Standing(
+    left = field.agreement(T_a_b + shifts) - field.penalty / LINE * field.conflict(T_a_b + shifts)
+    agreement = float(field.agreement(T_a_b[None])[0])
+    standing = Standing(
         odds=best.odds,
-        rival=max((other.odds for other in candidates if other is not best), default=-np.inf),
+        rivals=tuple(other.odds for other in others),
         firmness=1.0 - float(left.max()) / max(agreement, 1e-9),
-        guided=field.prior is not None,
+        counts=tally(scene.a, scene.b, T_a_b),
+        unlikely=0.0 if scene.prior is None else float(prior_penalty(scene.prior, T_a_b, 1.0)),
+        guided=scene.prior is not None,
     )
+    return evidence, standing

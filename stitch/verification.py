@@ -16,23 +16,19 @@ from stitch.result import Prior
 class Acceptance:
     """What an alignment must show to be believed.
 
-    ``min_overlap`` m² known in both maps and ``min_open`` m² free in both (two maps laid back to back
-    along one wall share the wall only); ``min_odds``: log-odds that it is the same place
-    (`stitch.likeness`), less is enough beside a prior (``min_odds_guided``), which leaves few other
-    places; ``min_firmness``: share of the agreement that is lost within 0.4 m in every direction, as a
-    bare corridor does not; ``min_lead``: log-odds ahead of any other
-    alignment; ``max_rivalry``: of what the best has above the least log-odds, how much
-    another may have: where two would do, neither is believed, as the better may just share more with the
-    other map; ``max_innovation``: squared Mahalanobis distance from the prior, the default χ²₃(0.999).
+    ``min_overlap`` m² known in both maps and ``min_open`` m² free in both (two maps laid back to back along
+    one wall share the wall only); ``min_lead``: log-odds of likeness ahead of any other alignment;
+    ``max_rivalry``: log-odds of another as a share of the best's: where two would do, neither is believed, as
+    the better may just share more with the other map; ``min_belief``: log-odds that it is right, by all that
+    speaks for it and against it (`stitch.belief`); ``max_innovation``: squared Mahalanobis distance from the
+    prior, the default χ²₃(0.999).
     """
 
     min_overlap: float = 4.0
     min_open: float = 3.0
-    min_odds: float = 0.4
-    min_odds_guided: float = -1.0
-    min_firmness: float = 0.1
-    min_lead: float = 2.0
-    max_rivalry: float = 0.3
+    min_lead: float = 1.0
+    max_rivalry: float = 0.5
+    min_belief: float = 0.0
     max_innovation: float = 16.27
 
 
@@ -44,6 +40,9 @@ class Evidence:
     open_area: float
     agreement: float
 
+
+SLIDING, CLOSE = 0.1, 4.0
+"""Firmness and lead below which they are named as what speaks against an alignment."""
 
 NOTHING = Evidence(0.0, 0.0, 0.0)
 """Of maps that have nothing in common."""
@@ -83,39 +82,57 @@ def _window(cells: np.ndarray, raster: Raster, low: np.ndarray, high: np.ndarray
 
 @dataclass(frozen=True)
 class Standing:
-    """How an alignment stands: its log-``odds``, those of its best ``rival``, its ``firmness`` (see
-    `Acceptance`), and whether a prior ``guided`` the search."""
+    """How an alignment stands: its log-``odds`` of likeness, those of the ``rivals``, the best first; its
+    ``firmness``: share of the agreement that is lost within 0.4 m in every direction, as a bare corridor
+    does not; the ``counts (2, 3, 7)`` of what its walls met (`stitch.likeness.tally`); how ``unlikely`` the
+    prior finds it (half a squared Mahalanobis distance), and whether a prior ``guided`` the search.
+    """
 
     odds: float
-    rival: float
+    rivals: tuple[float, ...]
     firmness: float
+    counts: np.ndarray
+    unlikely: float
     guided: bool
 
+    @property
+    def rival(self) -> float:
+        """Log-odds of the best other alignment; -inf where there is none."""
+        return self.rivals[0] if self.rivals else -np.inf
 
-def reason_against(evidence: Evidence, standing: Standing, acceptance: Acceptance) -> str | None:
+    @property
+    def rivalry(self) -> float:
+        """What the rival's log-odds have above even, as a share of what the best's have."""
+        return max(self.rival, 0.0) / max(self.odds, 1e-9)
+
+    @property
+    def weakness(self) -> str:
+        """What speaks against it most, in words."""
+        if self.firmness < SLIDING:
+            return "it slides along its walls"
+        if self.odds - self.rival < CLOSE:
+            return f"a rival has {self.rival:.1f} where it has {self.odds:.1f}"
+        return f"its walls alone give {self.odds:.1f}"
+
+
+def reason_against(
+    evidence: Evidence, standing: Standing, belief: float, acceptance: Acceptance
+) -> str | None:
     """The first limit an alignment breaks, in words, or None when it is believed."""
-    least_odds = acceptance.min_odds_guided if standing.guided else acceptance.min_odds
-    rivalry = max(standing.rival - least_odds, 0.0) / max(standing.odds - least_odds, 1e-9)
     checks = [
-        ("overlap", evidence.overlap_area, acceptance.min_overlap, "m²", True),
-        ("space free in both", evidence.open_area, acceptance.min_open, "m²", True),
-        ("evidence (log-odds of being the same place)", standing.odds, least_odds, "", True),
-        ("firmness (it slides along its walls)", standing.firmness, acceptance.min_firmness, "", True),
-        (
-            "ambiguity: lead over a rival in log-odds",
-            standing.odds - standing.rival,
-            acceptance.min_lead,
-            "",
-            True,
-        ),
-        ("ambiguity (odds of a rival)", rivalry, acceptance.max_rivalry, "", False),
+        ("overlap", evidence.overlap_area, acceptance.min_overlap, " m²", ""),
+        ("space free in both", evidence.open_area, acceptance.min_open, " m²", ""),
+        ("ambiguity: lead over a rival", standing.odds - standing.rival, acceptance.min_lead, "", ""),
+        ("belief (log-odds of being right)", belief, acceptance.min_belief, "", f" ({standing.weakness})"),
     ]
-    for name, value, limit, unit, at_least in checks:
-        if not (value >= limit if at_least else value <= limit):
-            word = "at least" if at_least else "at most"
-            return (
-                f"{name} {value:.3g}{unit and ' ' + unit}, expected {word} {limit:.3g}{unit and ' ' + unit}"
-            )
+    for name, value, limit, unit, because in checks:
+        if not value >= limit:  # NaN is no evidence either
+            return f"{name} {value:.3g}{unit}, expected at least {limit:.3g}{unit}{because}"
+    if not standing.rivalry <= acceptance.max_rivalry:
+        return (
+            f"ambiguity: a rival has {standing.rivalry:.3g} of the log-odds, expected at most "
+            f"{acceptance.max_rivalry:.3g}"
+        )
     return None
 
 

@@ -34,14 +34,25 @@ def scans(drive):
 def test_everything_is_there(done):
     found = {str(path.relative_to(done.folder)) for path in done.folder.rglob("*") if path.is_file()}
     drawn = [*METHODS, "truth"]
-    assert found == {
+    figures = {path for path in found if path.startswith("figures/")}
+    assert found - figures == {
         "config.json", "environment.json", "metrics.json", "segments.json", "stitches.json",
-        "recording.npz", "report.html", "steps.csv",
+        "recording.npz", "report.html", "steps.csv", "tracks.npz",
         *(f"trajectories/{name}.tum" for name in drawn),
         *(f"maps/{name}.{suffix}" for name in drawn for suffix in ("png", "pgm", "yaml")),
         "posegraphs/slamstitch-before.g2o", "posegraphs/slamstitch-after.g2o",
     }  # fmt: skip
     assert sorted(path.name for path in done.folder.parent.iterdir()) == ["drive-seed0", "latest"]
+
+
+def test_every_figure_is_there_for_the_screen_and_for_print(done):
+    names = {
+        suffix: {path.stem for path in done.folder.glob(f"figures/*.{suffix}")} for suffix in ("png", "pdf")
+    }
+    assert names["png"] == names["pdf"]
+    assert {"maps", "trajectories", "confidence-wsm", "confidence-slamstitch", "uncertainty"} < names["png"]
+    assert "confidence-htms" not in names["png"]  # its track is that of wsm
+    assert "submaps-slamstitch" in names["png"]
 
 
 def test_config_tells_the_command_and_every_parameter(done, drive):
@@ -54,7 +65,7 @@ def test_config_tells_the_command_and_every_parameter(done, drive):
     assert config["command"] == f"python -m scenarios.run {drive} --out {done.folder.parent}"
     assert set(config["options"]) == {field.name for field in fields(Options)}
     assert set(config["methods"]) == {field.name for field in fields(MethodConfig)}
-    assert config["methods"]["loops"]["align"]["acceptance"]["max_rivalry"] > 0.0
+    assert config["methods"]["loops"]["align"]["acceptance"]["min_lead"] > 0.0
     assert config["scenario"] == {}
 
 
@@ -158,9 +169,10 @@ def test_map_pictures_show_what_the_ros_map_says(done):
 
 def test_the_page_carries_its_figures_and_the_command(done):
     page = (done.folder / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 6
+    figures = page[page.index('id="figures"') : page.index('id="run"')]
+    assert figures.count("data:image/png;base64,") == len(list(done.folder.glob("figures/*.png")))
     assert "python -m scenarios.run" in page
-    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert not re.search(r"<(img|script|link)[^>]*(src|href)=\"(?!data:)", page)
 
 
 def test_latest_is_a_relative_link_to_the_last_run(command, drive, tmp_path):

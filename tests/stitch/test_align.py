@@ -24,11 +24,9 @@ CORRELATION = AlignConfig(refine=False)
 ANYTHING = Acceptance(
     min_overlap=0.0,
     min_open=0.0,
-    min_odds=-1e9,
-    min_odds_guided=-1e9,
-    min_firmness=-np.inf,
     min_lead=-np.inf,
     max_rivalry=np.inf,
+    min_belief=-np.inf,
     max_innovation=np.inf,
 )
 CREDULOUS = AlignConfig(refine=False, acceptance=ANYTHING)
@@ -67,7 +65,7 @@ def refused_though_believed(a: Submap, b: Submap) -> str:
     answer = align(a, b, config=CORRELATION)
     assert isinstance(answer, NoStitch)
     assert answer.best is not None
-    credulous = Acceptance(min_odds=answer.best.score - 1.0)
+    credulous = Acceptance(min_belief=-np.inf)
     answer = align(a, b, config=replace(CORRELATION, acceptance=credulous))
     assert isinstance(answer, NoStitch)
     return answer.reason

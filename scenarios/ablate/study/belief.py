@@ -1,0 +1,125 @@
+"""How far an alignment may be believed, learnt from pairs whose truth is known."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import tyro
+
+from scenarios.ablate.study.likeness import REPORTED
+from scenarios.ablate.study.stitching import chosen, seeds_of
+from scenarios.catalogue import CATALOGUE
+from scenarios.cli import BadInput
+
+if TYPE_CHECKING:
+    from scenarios.ablate.lessons import Lessons
+    from scenarios.sweep import Answer, Trial
+
+
+@dataclass(frozen=True)
+class Options:
+    """Learn the network of `stitch.belief` from simulated pairs of submaps, and write it to a file.
+
+    The likeliest alignment of every pair, with a prior and without one, is an example, right or wrong within
+    the limits of the stitching study; pairs of two buildings are examples that are always wrong. What the
+    network would accept is printed by bin, from networks that learnt from other seeds only.
+    """
+
+    scenarios: str = "hospital,beehive,office_smoke,two_drives,twin_rooms"
+    """Scenarios of the catalogue, with commas between."""
+    seeds: str = "200-231"
+    """Seeds: first-last, or numbers with commas between; 100 and above, two or more."""
+    network: Path = Path("belief.npz")
+    """The file to write; the package reads the one in its folder stitch."""
+    workers: int = 0
+    """Processes; 0 takes a process for each core. The results do not depend on it."""
+    scheduler: Annotated[str | None, tyro.conf.arg(metavar="tcp://HOST:PORT")] = None
+    """A running Dask scheduler whose workers do the trials, instead of processes of this machine."""
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/ablate-belief")
+    """A folder for sweep.sqlite, from which a sweep that was interrupted goes on."""
+    fresh: bool = False
+    """Forget the trials that the folder holds and run them again."""
+
+
+def run(options: Options) -> None:
+    """Harvest buildings two by two, fit, print what would be accepted, write the network."""
+    from scenarios.sweep import Trial, check, finish, sweep
+
+    seeds = seeds_of(options.seeds)
+    if min(seeds) in REPORTED:
+        raise BadInput(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
+    if len(seeds) < 2:
+        raise BadInput(f"--seeds {options.seeds!r}: expected two or more")
+    scenarios = chosen(options.scenarios, list(CATALOGUE), "scenario")
+    check(options.scheduler, options.workers, options.out)
+
+    from scenarios.ablate.lessons import Lessons, crossed, fit
+
+    couples = [(name, a, b) for a, b in zip(seeds[::2], seeds[1::2], strict=False) for name in scenarios]
+    trials = [Trial("belief", name, a, "joint", {"second": b}) for name, a, b in couples]
+    store = options.out / "sweep.sqlite"
+    swept = sweep(
+        trials, couple, store, scheduler=options.scheduler, workers=options.workers, fresh=options.fresh
+    )
+    learnt = Lessons.together([unpacked(answer.payload) for _, answer in swept.answered])
+    if not learnt.right.any() or learnt.right.all():
+        raise BadInput(f"--seeds {options.seeds}: expected right and wrong alignments, found one kind only")
+    print("\n".join(accepted_lines(learnt, crossed(learnt, np.random.default_rng(0)))))
+    fit(learnt, np.random.default_rng(0)).save(options.network)
+    print(
+        f"{options.network}: learnt from {len(learnt.right)} alignments, {learnt.right.sum()} of them right"
+    )
+    finish(swept, store)
+
+
+def couple(trial: Trial, material: None) -> Answer:
+    """The lessons of two buildings of one kind, and of maps of one with maps of the other."""
+    from scenarios.ablate.harvesting import PER_TWIN_BUILDING, harvested
+    from scenarios.ablate.lessons import Lessons, lessons, strangers
+    from scenarios.sweep import Answer
+
+    seeds = (trial.seed, int(str(trial.config["second"])))
+    first, second = (harvested(trial.scenario, seed, PER_TWIN_BUILDING).pairs for seed in seeds)
+    known, rng = [*first, *second], np.random.default_rng([*seeds, 5])
+    unknown = strangers(first, second) + strangers(second, first)
+    found = [lessons(known + unknown, False, rng), lessons(known, True, rng)]
+    return Answer([], packed(Lessons.together(found)))
+
+
+def packed(lessons: Lessons) -> bytes:
+    """Lessons as bytes."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **vars(lessons))
+    return buffer.getvalue()
+
+
+def unpacked(payload: bytes) -> Lessons:
+    """Lessons from `packed`."""
+    from scenarios.ablate.lessons import Lessons
+
+    with np.load(io.BytesIO(payload)) as stored:
+        return Lessons(**stored)
+
+
+def accepted_lines(lessons: Lessons, odds: np.ndarray) -> list[str]:
+    """What is accepted at some log-odds: right by bin and the false, without a prior and with one."""
+    from scenarios.ablate.lessons import STRANGERS
+    from scenarios.ablate.pairs import BINS
+
+    table = [f"{'least log-odds':>20}{''.join(f'{name:>8}' for name in BINS)}   false  {STRANGERS}"]
+    for guided, title in ((False, "without prior"), (True, "with prior")):
+        mine = lessons.guided == guided
+        for limit in (-1.0, -0.5, 0.0, 0.3, 0.6, 1.0, 1.5, 2.0):
+            taken = mine & lessons.allowed & (odds >= limit)
+            shares = [np.mean((taken & lessons.right)[mine & (lessons.bin == name)]) for name in BINS]
+            strange = lessons.bin == STRANGERS
+            false = int(np.sum(taken & ~lessons.right & ~strange))
+            table.append(
+                f"{title:>14}{limit:6.1f}{''.join(f'{share:8.3f}' for share in shares)}"
+                f"{false:4d}/{np.sum(taken & ~strange)}  {np.sum(taken & strange)}/{np.sum(mine & strange)}"
+            )
+    return table
