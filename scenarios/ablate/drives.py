@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from scenarios.ablate.contestants import Contestant
+from scenarios.sweep import Answer, Failure, Trial
 
 if TYPE_CHECKING:
     from slam.recording import Recording
@@ -38,25 +38,31 @@ class Drive:
         return self.values.get(name, float("nan"))
 
 
-def driven(building: tuple[str, int], contestants: Sequence[Contestant]) -> tuple[Drive, ...]:
-    """All contestants on the drive of a scenario's name and seed, simulated once. Errors are rows too."""
+def recorded(scenario: str, seed: int) -> Recording:
+    """The drive of a scenario's name and seed."""
     from scenarios.source import simulated
 
-    scenario, seed = building
-    try:
-        recording = simulated(scenario, seed).recording
-    except Exception as error:  # whatever it was, the other drives go on
-        return tuple(Drive(scenario, seed, one.name, error=told(error)) for one in contestants)
-    return tuple(attempt(recording, scenario, seed, one) for one in contestants)
+    return simulated(scenario, seed).recording
 
 
-def attempt(recording: Recording, scenario: str, seed: int, contestant: Contestant) -> Drive:
-    """One contestant's answer and its metrics, or the error that it raised."""
-    try:
-        values, seconds = measured(recording, contestant, seed)
-    except Exception as error:  # the others go on
-        return Drive(scenario, seed, contestant.name, error=told(error))
-    return Drive(scenario, seed, contestant.name, values, seconds)
+def trial_of(scenario: str, seed: int, contestant: Contestant) -> Trial:
+    """One contestant on one drive, as a trial of the study."""
+    settings = {"method": contestant.method, "back_end": contestant.back_end, "injected": contestant.injected}
+    return Trial("methods", scenario, seed, contestant.name, settings)
+
+
+def answer(trial: Trial, recording: Recording) -> Answer:
+    """A trial's contestant on its drive: one row, its metrics and seconds."""
+    values, seconds = measured(recording, Contestant(trial.method, **trial.config), trial.seed)
+    return Answer([{"values": values, "seconds": seconds}])
+
+
+def drive_of(trial: Trial, found: Answer | Failure) -> Drive:
+    """What a trial came to, as a row of the study."""
+    if isinstance(found, Failure):
+        return Drive(trial.scenario, trial.seed, trial.method, error=found.line)
+    (row,) = found.rows
+    return Drive(trial.scenario, trial.seed, trial.method, **row)
 
 
 def measured(recording: Recording, contestant: Contestant, seed: int) -> tuple[dict[str, float], float]:
@@ -77,8 +83,3 @@ def measured(recording: Recording, contestant: Contestant, seed: int) -> tuple[d
     if recording.truth is not None:
         values[LAST] = last_squared_error(estimate.poses, estimate.covariance, recording.truth)
     return values, seconds
-
-
-def told(error: Exception) -> str:
-    """An error in one line."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -44,12 +45,32 @@ class Examples:
         right = [is_right(T_a_b, pair.T_a_b, pair.middle_b) for T_a_b in poses]
         return cls(np.array(counts).reshape(-1, 2, 3, 7), np.array(unlikely), np.array(right, dtype=bool))
 
+    @staticmethod
+    def packed(several: Sequence[Examples]) -> bytes:
+        """As an ``.npz``, to be read by `unpacked`."""
+        buffer = io.BytesIO()
+        found = {
+            f"{name}{k}": getattr(one, name) for k, one in enumerate(several) for name in Examples.names()
+        }
+        np.savez(buffer, allow_pickle=False, **found)
+        return buffer.getvalue()
+
+    @classmethod
+    def unpacked(cls, content: bytes, number: int) -> list[Examples]:
+        """So many as were packed."""
+        with np.load(io.BytesIO(content), allow_pickle=False) as found:
+            return [cls(*(found[f"{name}{k}"] for name in cls.names())) for k in range(number)]
+
+    @classmethod
+    def names(cls) -> list[str]:
+        """Of the arrays."""
+        return [field.name for field in fields(cls)]
+
     @classmethod
     def together(cls, several: Sequence[Examples]) -> Examples:
         """All of them as one; of none, no example."""
         none = cls(np.zeros((0, 2, 3, 7)), np.zeros(0), np.zeros(0, dtype=bool))
-        names = [field.name for field in fields(cls)]
-        return cls(*(np.concatenate([getattr(e, name) for e in (none, *several)]) for name in names))
+        return cls(*(np.concatenate([getattr(e, name) for e in (none, *several)]) for name in cls.names()))
 
 
 def fit(examples: Examples) -> tuple[Array, float]:

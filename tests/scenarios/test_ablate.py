@@ -12,16 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.ablate.pairs import BINS, NONE, TWINS, Pair, bin_of, frame_near, harvest, shared
+from scenarios.ablate.harvesting import PAIRS, Bins, answer, kept, rows_of, trials
+from scenarios.ablate.pairs import BINS, NONE, TWINS, Harvest, Pair, bin_of, frame_near, harvest, shared
 from scenarios.ablate.pieces import CELL, Piece, best_rigid, warp
 from scenarios.ablate.study import STUDIES
-from scenarios.ablate.study.stitching import chosen, rows_of, seeds_of
+from scenarios.ablate.study.stitching import chosen, seeds_of
 from scenarios.ablate.summary import ALL, Share, lines
-from scenarios.ablate.trial import Row, drawn_prior, judged
+from scenarios.ablate.trial import Row, Variant, drawn_prior, judged
 from scenarios.ablate.visits import rearranged
-from scenarios.ablate.workers import in_order
 from scenarios.catalogue import CATALOGUE
 from scenarios.cli import BadInput
+from scenarios.sweep import Answer, Trial, sweep
 from sim.floorplan import Prism, box, cupboard, table
 from slam import se2
 from stitch.align import NoStitch, Stitch
@@ -193,22 +194,50 @@ def _spread(prisms: list[Prism]) -> float:
     return float(np.max(np.linalg.norm(corners[:, None] - corners, axis=2)))
 
 
-def _square(k: int) -> int:
-    return k * k
+def counted(trial: Trial, bins: list[str]) -> Answer:
+    """A stand-in for the study: every pair is refused."""
+    if trial.method == PAIRS:
+        return Answer([{"bins": bins, "stretches": 7, "bent": 1}])
+    return Answer([asdict(row("refused", where, variant=trial.method)) for where in bins])
 
 
-def test_work_is_returned_in_order() -> None:
-    assert list(in_order(_square, range(5), 1)) == [0, 1, 4, 9, 16]
-    assert list(in_order(_square, range(5), 2)) == [0, 1, 4, 9, 16]
+@pytest.mark.parametrize("scenario", ["hospital", "twin_rooms"])
+def test_buildings_are_visited_until_the_bins_are_full(scenario: str) -> None:
+    """Each has two pairs of every bin that its scenario can fill; three are wanted."""
+    where = [TWINS] if scenario == "twin_rooms" else [*BINS, NONE]
+    bins = Bins(3)
+    buildings = [(scenario, seed) for seed in range(9)]
+    swept = sweep(
+        trials(buildings, ["orb", "joint"], bins),
+        counted,
+        None,
+        prepare=lambda *_: where * 2,
+        each=bins.take,
+        workers=1,
+    )
+    assert [trial.seed for trial in swept.trials] == [0] * 4 + [1] * 4
+    assert [trial.method for trial in swept.trials[:4]] == [PAIRS, "orb", "joint", "joint + prior"]
+    first, second = kept(swept, 3)
+    assert (len(first.rows), len(second.rows)) == (3 * 2 * len(where), 3 * len(where))
+    assert [one.variant for one in first.rows[:3]] == ["orb", "joint", "joint + prior"]
+    assert [one.bin for one in second.rows[::3]] == where
+    assert (second.stretches, second.bent) == (7, 1)
+
+
+def test_pairs_are_counted_by_a_trial_of_their_own(hives: tuple[Pair, ...]) -> None:
+    found = Harvest(hives, 20, 3)
+    (row,) = answer(Trial("stitching", "beehive", 102, PAIRS, {"quota": 1}), found).rows
+    assert row == {"bins": [pair.bin for pair in hives], "stretches": 20, "bent": 3}
 
 
 def test_a_worker_answers_as_this_process_does(hives: tuple[Pair, ...], tmp_path: Path) -> None:
     """The command, with two processes, against the rows made here: the same but for the time they took."""
     command = [sys.executable, "-m", "scenarios.ablate", "stitching", "--pairs", "1", "--seeds", "102"]
-    command += ["--scenarios", "beehive", "--methods", "htms,joint", "--workers", "2", "--format", "json"]
+    command += ["--scenarios", "beehive", "--methods", "htms,orb", "--workers", "2", "--format", "json"]
     done = subprocess.run([*command, "-o", str(tmp_path)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    here = [one for group in rows_of(hives, ("htms", "joint")) for one in group]
+    variants = [Variant("htms", False), Variant("orb", False)]
+    here = [one for group in zip(*(rows_of(hives, v) for v in variants), strict=True) for one in group]
     with (tmp_path / "results.csv").open(newline="") as file:
         there = list(csv.DictReader(file))
     assert len(there) == len(here)
@@ -216,7 +245,7 @@ def test_a_worker_answers_as_this_process_does(hives: tuple[Pair, ...], tmp_path
         expected = {name: str(value) for name, value in asdict(one).items() if name != "seconds"}
         assert expected == {name: value for name, value in other.items() if name != "seconds"}
     printed = json.loads(done.stdout)["lines"]
-    assert {line["method"] for line in printed} == {"htms", "joint", "joint + prior"}
+    assert {line["method"] for line in printed} == {"htms", "orb"}
     assert sum(line["pairs"] for line in printed if line["bin"] == ALL) == len(here)
 
 

@@ -13,13 +13,14 @@ import pytest
 
 from scenarios import source
 from scenarios.ablate.contestants import Contestant, contestants
-from scenarios.ablate.drives import LAST, Drive, driven
+from scenarios.ablate.drives import LAST, Drive, answer, drive_of, recorded, trial_of
 from scenarios.ablate.standing import EVERYWHERE, Comparison, comparisons, interval, standings
 from scenarios.ablate.standing_table import print_standings
 from scenarios.ablate.study.methods import Options, checked, counted, run
 from scenarios.cli import BadInput
 from scenarios.methods import METHODS
 from scenarios.source import Source
+from scenarios.sweep import sweep
 from slam.recording import Laser, Recording
 
 LINE = np.column_stack([0.1 * np.arange(30.0), np.zeros(30), np.zeros(30)])
@@ -146,7 +147,8 @@ def test_the_interval_of_a_median() -> None:
 
 
 def test_a_row_has_every_metric_and_what_is_asked_of_the_last_pose(quick: None) -> None:
-    (row,) = driven(("hospital", 2), [Contestant("ins", "ins")])
+    trial = trial_of("hospital", 2, Contestant("ins", "ins"))
+    row = drive_of(trial, answer(trial, recorded("hospital", 2)))
     assert (row.scenario, row.seed, row.method, row.error) == ("hospital", 2, "ins", "")
     assert 0.0 < row.value("ate_rmse") < 0.06
     assert 0.0 <= row.seconds < 1.0
@@ -159,9 +161,17 @@ def test_a_simulation_that_fails_is_everybodys_error(monkeypatch: pytest.MonkeyP
         raise ValueError("no way out")
 
     monkeypatch.setattr(source, "simulated", breaks)
-    rows = driven(("hospital", 2), THREE)
+    swept = sweep([trial_of("hospital", 2, one) for one in THREE], answer, None, prepare=recorded, workers=1)
+    rows = [drive_of(*failed) for failed in swept.failed]
     assert [row.method for row in rows] == ["ins", "wsm", "slamstitch"]
     assert {row.error for row in rows} == {"ValueError: no way out"}
+
+
+def test_what_a_contestant_is_counts_as_its_trial() -> None:
+    both = [trial_of("hospital", 2, one) for one in contestants(["slamstitch"], ["gnc", "dcs"], 0.5)]
+    assert len({trial.key for trial in both}) == 4
+    again = Contestant(both[3].method, **both[3].config)
+    assert again.config(7) == contestants(["slamstitch"], ["dcs"], 0.5)[1].config(7)
 
 
 @pytest.mark.parametrize("form", ["table", "json"])
@@ -172,7 +182,7 @@ def test_trials_that_fail_are_counted_and_the_others_go_on(
     options = Options("hospital,outdoor", "2", "ins,icp", workers=1, format=form, out=tmp_path / "new")  # type: ignore[arg-type]
     with pytest.raises(SystemExit) as stop:
         run(options)
-    assert stop.value.code == "2 of 8 trials failed, the first: hospital 1 icp: RuntimeError: no luck"
+    assert stop.value.code == 1
     with (tmp_path / "new" / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["scenario"], row["seed"], row["method"]) for row in rows[:4]] == [
@@ -186,8 +196,8 @@ def test_trials_that_fail_are_counted_and_the_others_go_on(
     assert rows[3]["ate_rmse"] == ""
     assert float(rows[2]["seconds"]) >= 0.0
     printed = capsys.readouterr()
-    assert "hospital 1: ins 0.00" in printed.err
-    assert "icp failed" in printed.err
+    assert "2 of 8 trials failed, the first: hospital 1 icp: RuntimeError: no luck\n" in printed.err
+    assert "seconds per trial: ins " in printed.err
     if form == "json":
         content = json.loads(printed.out)
         assert [(one["scenario"], one["seed"], one["method"]) for one in content["failed"]] == [
@@ -215,9 +225,20 @@ def test_no_number_is_cut_short(capsys: pytest.CaptureFixture[str]) -> None:
         assert shown in printed
 
 
-def test_without_a_failure_the_exit_is_quiet(quick: None, capsys: pytest.CaptureFixture[str]) -> None:
-    run(Options("hospital", "2,4", "ins", workers=1))
-    assert "hospital" in capsys.readouterr().out
+def test_without_a_failure_the_exit_is_quiet_and_again_nothing_is_run(
+    quick: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = Options("hospital", "2,4", "ins", workers=1, out=tmp_path)
+    run(options)
+    printed = capsys.readouterr()
+    assert "hospital" in printed.out
+    results = (tmp_path / "results.csv").read_bytes()
+    monkeypatch.setattr(source, "simulated", None)
+    run(options)
+    again = capsys.readouterr()
+    assert again.out == printed.out
+    assert "0 trials ran, 2 were answered before" in again.err
+    assert (tmp_path / "results.csv").read_bytes() == results
 
 
 def test_seeds_are_a_count_a_range_or_a_list() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -127,6 +128,15 @@ def test_together_in_their_order() -> None:
     assert Examples.together([]).counts.shape == (0, 2, 3, 7)
 
 
+def test_packed_examples_come_back() -> None:
+    several = [examples(np.full((2, 2, 3, 7), 0.1), np.array([True, False])), Examples.together([])]
+    for one, other in zip(several, Examples.unpacked(Examples.packed(several), 2), strict=True):
+        for name in Examples.names():
+            before, after = getattr(one, name), getattr(other, name)
+            np.testing.assert_array_equal(before, after)
+            assert before.dtype == after.dtype
+
+
 def test_right_is_measured_where_the_maps_meet() -> None:
     turned = np.array([0.0, 0.0, np.radians(1.9)])
     near, far = np.array([5.0, 0.0]), np.array([12.0, 0.0])
@@ -139,7 +149,7 @@ def test_right_is_measured_where_the_maps_meet() -> None:
 
 
 def test_the_table_is_that_of_the_code(
-    pair: Pair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    pair: Pair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """One building of one pair, and one without any: what is printed can be pasted over stitch.likeness."""
     asked = []
@@ -149,10 +159,10 @@ def test_the_table_is_that_of_the_code(
         return Harvest((pair,) if seed == 200 else (), 2, 0)
 
     monkeypatch.setattr(scenarios.ablate.pairs, "harvest", harvest)
-    run(Options(scenarios="beehive", seeds="200,201", workers=1))
+    run(Options(scenarios="beehive", seeds="200,201", workers=1, out=tmp_path))
     printed = capsys.readouterr()
     assert asked == [("beehive", 200), ("beehive", 201)]
-    assert "beehive 201: 0 and 0 alignments" in printed.err
+    assert "2 trials ran" in printed.err
     said, table = printed.out.split("\n\n", 1)
     assert "without a prior, 1 of them right" in said
     pasted: dict = {"np": np}
@@ -163,10 +173,10 @@ def test_the_table_is_that_of_the_code(
     assert np.isfinite([pasted["BIAS"], pasted["GUIDED"]]).all()
 
 
-def test_one_kind_of_alignments_teaches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_kind_of_alignments_teaches_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(scenarios.ablate.pairs, "harvest", lambda *_: Harvest((), 0, 0))
     with pytest.raises(BadInput, match="right and wrong alignments"):
-        run(Options(scenarios="beehive", seeds="200", workers=1))
+        run(Options(scenarios="beehive", seeds="200", workers=1, out=tmp_path))
 
 
 def test_reported_seeds_are_refused() -> None:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import zlib
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 
 from scenarios.ablate.study.stitching import PER_BUILDING, chosen, seeds_of
 from scenarios.catalogue import CATALOGUE
 from scenarios.cli import BadInput
-
-if TYPE_CHECKING:
-    from scenarios.ablate.examples import Examples
+from scenarios.sweep import Answer, Trial, check, finish, sweep
 
 REPORTED = range(100)
 """Seeds that results are reported on: nothing is learnt from them."""
@@ -37,6 +35,12 @@ class Options:
     """Seeds: first-last, or numbers with commas between; 100 and above."""
     workers: int = 0
     """Processes; 0 takes a process for each core. The results do not depend on it."""
+    scheduler: Annotated[str | None, tyro.conf.arg(metavar="tcp://HOST:PORT")] = None
+    """A running Dask scheduler whose workers do the trials, instead of processes of this machine."""
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/ablate-likeness")
+    """A folder for sweep.sqlite, from which a sweep that was interrupted goes on."""
+    fresh: bool = False
+    """Forget the trials that the folder holds and run them again."""
 
 
 def run(options: Options) -> None:
@@ -44,19 +48,22 @@ def run(options: Options) -> None:
     seeds = seeds_of(options.seeds)
     if min(seeds) in REPORTED:
         raise BadInput(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
-    if options.workers < 0:
-        raise BadInput(f"expected --workers >= 0, got {options.workers}")
+    check(options.scheduler, options.workers, options.out)
     scenarios = chosen(options.scenarios, list(CATALOGUE), "scenario")
 
     from scenarios.ablate.examples import Examples, fit, fit_guided
-    from scenarios.ablate.workers import in_order
 
-    alone, guided = [], []
-    workers = options.workers or os.cpu_count() or 1
-    for name, seed, free, told in in_order(examples, list(product(scenarios, seeds)), workers):
-        print(f"{name} {seed}: {len(free.right)} and {len(told.right)} alignments", file=sys.stderr)
-        alone.append(free)
-        guided.append(told)
+    store = options.out / "sweep.sqlite"
+    swept = sweep(
+        [Trial("likeness", name, seed, "joint") for name, seed in product(scenarios, seeds)],
+        examples,
+        store,
+        scheduler=options.scheduler,
+        workers=options.workers,
+        fresh=options.fresh,
+    )
+    both = [Examples.unpacked(found.payload, 2) for _, found in swept.answered]
+    alone, guided = [free for free, _ in both], [told for _, told in both]
     free, told = Examples.together(alone), Examples.together(guided)
     if not free.right.any() or free.right.all():
         raise BadInput(f"--seeds {options.seeds}: expected right and wrong alignments, found one kind only")
@@ -67,19 +74,20 @@ def run(options: Options) -> None:
     print(
         f"WEIGHTS = np.array(\n{table}\n)\nBIAS, GUIDED = {bias:.2f}, {fit_guided(told, weights, bias):.2f}"
     )
+    finish(swept, store)
 
 
-def examples(building: tuple[str, int]) -> tuple[str, int, Examples, Examples]:
-    """Alignments of all pairs of a building (scenario, seed), without a prior and with one."""
+def examples(trial: Trial, nothing: None) -> Answer:
+    """Alignments of all pairs of a building, without a prior and with one, as the payload."""
     from scenarios.ablate.examples import Examples
     from scenarios.ablate.pairs import harvest
     from scenarios.ablate.trial import drawn_prior
     from stitch.config import AlignConfig
 
-    name, seed = building
     alone, guided = [], []
-    for k, pair in enumerate(harvest(CATALOGUE[name], seed, PER_BUILDING).pairs):
+    for k, pair in enumerate(harvest(CATALOGUE[trial.scenario], trial.seed, PER_BUILDING).pairs):
         rng = np.random.default_rng([pair.seed, zlib.crc32(pair.scenario.encode()), 4, k])
         alone.append(Examples.of_pair(pair, None, AlignConfig()))
         guided.append(Examples.of_pair(pair, drawn_prior(pair.T_a_b, rng), AlignConfig()))
-    return name, seed, Examples.together(alone), Examples.together(guided)
+    free, told = Examples.together(alone), Examples.together(guided)
+    return Answer([{"alone": len(free.right), "guided": len(told.right)}], Examples.packed([free, told]))

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import os
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -18,6 +14,7 @@ import tyro
 from scenarios.ablate.study.stitching import chosen, seeds_of
 from scenarios.catalogue import CATALOGUE
 from scenarios.cli import BadInput
+from scenarios.sweep import check, finish, sweep, write_results
 
 if TYPE_CHECKING:
     from scenarios.ablate.contestants import Contestant
@@ -46,22 +43,36 @@ class Options:
     """Run slamstitch again with so many false stitches that they are this share of all."""
     workers: int = 0
     """Processes; 0 takes a process for each core. The results do not depend on it."""
+    scheduler: Annotated[str | None, tyro.conf.arg(metavar="tcp://HOST:PORT")] = None
+    """A running Dask scheduler whose workers do the trials, instead of processes of this machine."""
     format: Literal["table", "json"] = "table"
     """What is printed on stdout."""
-    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """A folder for results.csv, one row per drive and method; without it nothing is written."""
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/ablate-methods")
+    """A folder for results.csv and sweep.sqlite, from which a sweep that was interrupted goes on."""
+    fresh: bool = False
+    """Forget the trials that the folder holds and run them again."""
 
 
 def run(options: Options) -> None:
     """Every method on every drive, and what came of it. Exits with 1 when a trial failed."""
     scenarios, seeds, taking_part = checked(options)
 
+    from scenarios.ablate.drives import answer, drive_of, recorded, trial_of
     from scenarios.ablate.standing import comparisons, standings
     from scenarios.ablate.standing_table import print_standings, standings_json
 
-    rows = list(trials(scenarios, seeds, taking_part, options.workers or os.cpu_count() or 1))
-    if options.out is not None:
-        write(rows, options.out)
+    store = options.out / "sweep.sqlite"
+    swept = sweep(
+        [trial_of(*drive, one) for drive in product(scenarios, seeds) for one in taking_part],
+        answer,
+        store,
+        prepare=recorded,
+        scheduler=options.scheduler,
+        workers=options.workers,
+        fresh=options.fresh,
+    )
+    rows = [drive_of(trial, found) for trial, found in zip(swept.trials, swept.answers, strict=True)]
+    write(rows, options.out)
     failed = [row for row in rows if row.error]
     stands = standings(rows)
     pairs = comparisons(rows, taking_part, np.random.default_rng(BOOTSTRAP_SEED))
@@ -70,9 +81,7 @@ def run(options: Options) -> None:
         print(standings_json(stands, pairs, failed, about))
     else:
         print_standings(f"methods: seeds {options.seeds}", stands, pairs)
-    if failed:
-        first = f"{failed[0].scenario} {failed[0].seed} {failed[0].method}: {failed[0].error}"
-        sys.exit(f"{len(failed)} of {len(rows)} trials failed, the first: {first}")
+    finish(swept, store)
 
 
 def checked(options: Options) -> tuple[list[str], list[int], tuple[Contestant, ...]]:
@@ -88,10 +97,7 @@ def checked(options: Options) -> tuple[list[str], list[int], tuple[Contestant, .
         raise BadInput(f"--inject {options.inject:g}: expected a share of at least 0 and below 1")
     if OURS not in methods and (options.inject > 0.0 or options.variant != Options.variant):
         raise BadInput(f"--variant and --inject are for {OURS}: expected it among --methods")
-    if options.workers < 0:
-        raise BadInput(f"expected --workers >= 0, got {options.workers}")
-    if options.out is not None and options.out.is_file():
-        raise BadInput(f"--out {options.out}: expected a folder, found a file")
+    check(options.scheduler, options.workers, options.out)
     return scenarios, seeds, contestants(methods, back_ends, options.inject)  # type: ignore[arg-type]
 
 
@@ -104,22 +110,6 @@ def counted(text: str) -> list[int]:
     return list(range(int(text)))
 
 
-def trials(
-    scenarios: Sequence[str], seeds: Sequence[int], taking_part: tuple[Contestant, ...], workers: int
-) -> Iterator[Drive]:
-    """Rows of all drives, in the order of scenarios and seeds; each drive is told of on stderr."""
-    from scenarios.ablate.drives import driven
-    from scenarios.ablate.workers import in_order
-
-    work = partial(driven, contestants=taking_part)
-    for rows in in_order(work, product(scenarios, seeds), workers):
-        said = ", ".join(
-            f"{row.method} " + ("failed" if row.error else f"{row.value('ate_rmse'):.3f} m") for row in rows
-        )
-        print(f"{rows[0].scenario} {rows[0].seed}: {said}", file=sys.stderr)
-        yield from rows
-
-
 def write(rows: Sequence[Drive], folder: Path) -> None:
     """One row per drive and method in results.csv: seconds, the error if any, and every metric."""
     from scenarios.ablate.drives import LAST
@@ -127,10 +117,6 @@ def write(rows: Sequence[Drive], folder: Path) -> None:
 
     known = {name for row in rows for name in row.values}
     columns = [name for name in [*DEFINITIONS, LAST] if name in known]
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "results.csv").open("w", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(["scenario", "seed", "method", "seconds", "error", *columns])
-        for row in rows:
-            numbers = [row.values.get(name, "") for name in columns]
-            table.writerow([row.scenario, row.seed, row.method, row.seconds, row.error, *numbers])
+    header = ["scenario", "seed", "method", "seconds", "error", *columns]
+    table = ({name: getattr(row, name) for name in header[:5]} | row.values for row in rows)
+    write_results(folder / "results.csv", header, table)

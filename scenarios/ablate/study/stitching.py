@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import csv
-import os
-import sys
-import zlib
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 import tyro
 
 from scenarios.ablate.table import lines_json, print_lines
 from scenarios.catalogue import CATALOGUE
 from scenarios.cli import BadInput, nearest
+from scenarios.sweep import check, finish, sweep, write_results
 
 if TYPE_CHECKING:
-    from scenarios.ablate.pairs import Pair
-    from scenarios.ablate.trial import Row
+    from scenarios.ablate.harvesting import Report
 
 PER_BUILDING, PER_TWIN_BUILDING = 5, 10
 """Most pairs of one bin from two visits to one building; of twins there is only one scenario."""
@@ -51,10 +45,14 @@ class Options:
     """Seeds: first-last, or numbers with commas between; more are used only while a bin is not full."""
     workers: int = 0
     """Processes; 0 takes a process for each core. The results do not depend on it."""
+    scheduler: Annotated[str | None, tyro.conf.arg(metavar="tcp://HOST:PORT")] = None
+    """A running Dask scheduler whose workers do the trials, instead of processes of this machine."""
     format: Literal["table", "json"] = "table"
     """What is printed on stdout."""
-    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """A folder for results.csv, one row per answer; without it nothing is written."""
+    out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/ablate-stitching")
+    """A folder for results.csv and sweep.sqlite, from which a sweep that was interrupted goes on."""
+    fresh: bool = False
+    """Forget the trials that the folder holds and run them again."""
 
 
 def run(options: Options) -> None:
@@ -64,115 +62,51 @@ def run(options: Options) -> None:
         known_scenarios(options),
         seeds_of(options.seeds),
     )
-    if options.pairs < 1 or options.workers < 0:
-        raise BadInput(f"expected --pairs > 0 and --workers >= 0, got {options.pairs} and {options.workers}")
-    if options.out is not None and options.out.is_file():
-        raise BadInput(f"--out {options.out}: expected a folder, found a file")
+    if options.pairs < 1:
+        raise BadInput(f"expected --pairs > 0, got {options.pairs}")
+    check(options.scheduler, options.workers, options.out)
 
+    from scenarios.ablate.harvesting import Bins, answer, harvested, kept, trials
     from scenarios.ablate.pairs import ALL_BINS
     from scenarios.ablate.summary import lines
+    from scenarios.ablate.trial import Row
 
+    bins = Bins(options.pairs)
     buildings = [(name, seed) for seed, name in product(seeds, scenarios)]
-    reports = list(gather(buildings, methods, options))
-    rows = [row for report in reports for pair_rows in report.rows for row in pair_rows]
-    if not rows:
+    swept = sweep(
+        trials(buildings, methods, bins),
+        answer,
+        options.out / "sweep.sqlite",
+        prepare=partial(harvested, most=options.pairs),
+        each=bins.take,
+        scheduler=options.scheduler,
+        workers=options.workers,
+        fresh=options.fresh,
+    )
+    reports = kept(swept, options.pairs)
+    rows = [row for report in reports for row in report.rows]
+    if not rows and not swept.failed:
         raise BadInput(
             f"no pairs: none of {options.scenarios} with seeds {options.seeds} has stretches that overlap"
         )
-    if options.out is not None:
-        write(rows, options.out)
+    write_results(options.out / "results.csv", [field.name for field in fields(Row)], map(asdict, rows))
     found = lines(rows, ALL_BINS)
     if options.format == "json":
-        about = {
-            "study": "stitching",
-            "seeds": options.seeds,
-            "scenarios": scenarios,
-            "buildings": len(reports),
-        }
-        print(lines_json(found, about))
-        return
+        about = {"study": "stitching", "seeds": options.seeds, "scenarios": scenarios}
+        print(lines_json(found, about | {"buildings": len(reports)}))
+    else:
+        print_lines(f"stitching: {len(reports)} buildings, seeds {options.seeds}", found, notes(reports))
+    finish(swept, options.out / "sweep.sqlite")
+
+
+def notes(reports: Sequence[Report]) -> list[str]:
+    """What stands below the table."""
     cut, bent = sum(report.stretches for report in reports), sum(report.bent for report in reports)
-    print_lines(
-        f"stitching: {len(reports)} buildings, seeds {options.seeds}",
-        found,
-        [
-            "right and refused: share of the bin's pairs [95 % interval]; ms: median processor time; "
-            "ANEES/3: of the right ones, 1 is honest",
-            f"{bent} of {cut} stretches were bent by more than 0.15 m or 1° and left out",
-        ],
-    )
-
-
-@dataclass(frozen=True)
-class Report:
-    """The answers for one building, grouped by pair, and how many of its stretches were bent."""
-
-    name: str
-    seed: int
-    rows: tuple[tuple[Row, ...], ...]
-    stretches: int
-    bent: int
-
-
-def gather(
-    buildings: Sequence[tuple[str, int]], methods: Sequence[str], options: Options
-) -> Iterator[Report]:
-    """Reports of the buildings that help to fill a bin, in their order; pairs beyond are left out.
-
-    A building none of whose bins is open any more is not begun, or not counted if it was.
-    """
-    from scenarios.ablate.pairs import TWINS, bins_of
-    from scenarios.ablate.workers import in_order
-
-    counts: Counter[str] = Counter()
-
-    def is_open(building: tuple[str, int]) -> bool:
-        return any(counts[where] < options.pairs for where in bins_of(building[0]))
-
-    work = partial(answers, methods=tuple(methods), most=options.pairs)
-    workers = options.workers or os.cpu_count() or 1
-    for report in in_order(work, filter(is_open, buildings), workers):
-        kept = []
-        for pair_rows in report.rows:
-            where = pair_rows[0].bin
-            if counts[where] < options.pairs:
-                counts[where] += 1
-                kept.append(pair_rows)
-        if kept:
-            said = ", ".join(
-                f"{where} {counts[where]}" for where in sorted(counts, key=lambda w: (w == TWINS, w))
-            )
-            print(f"{report.name} {report.seed}: {said}", file=sys.stderr)
-            yield replace(report, rows=tuple(kept))
-
-
-def answers(building: tuple[str, int], methods: tuple[str, ...], most: int) -> Report:
-    """All methods' rows for the pairs of a building, grouped by pair, at most ``most`` in a bin."""
-    from scenarios.ablate.pairs import TWIN_SCENARIO, harvest
-
-    name, seed = building
-    quota = PER_TWIN_BUILDING if name == TWIN_SCENARIO else PER_BUILDING
-    found = harvest(CATALOGUE[name], seed, min(quota, most))
-    return Report(name, seed, rows_of(found.pairs, methods), found.stretches, found.bent)
-
-
-def rows_of(pairs: Sequence[Pair], methods: Sequence[str]) -> tuple[tuple[Row, ...], ...]:
-    """All methods' rows for each pair; the error of its prior is the pair's own."""
-    from scenarios.ablate.trial import Variant, attempt
-    from stitch.align import AlignConfig, align
-
-    rows = []
-    for k, pair in enumerate(pairs):
-        answered = []
-        for method in methods:
-            config = AlignConfig(method=method)  # type: ignore[arg-type]
-            if k == 0:
-                align(pair.a, pair.b, None, config)  # load its kernels before its time is taken
-            for prior in (False, True) if method in WITH_PRIOR else (False,):
-                rng = np.random.default_rng([pair.seed, zlib.crc32(pair.scenario.encode()), 4, k])
-                answered.append(attempt(pair, Variant(method, prior), config, rng))
-        rows.append(tuple(answered))
-    return tuple(rows)
+    return [
+        "right and refused: share of the bin's pairs [95 % interval]; ms: median processor time; "
+        "ANEES/3: of the right ones, 1 is honest",
+        f"{bent} of {cut} stretches were bent by more than 0.15 m or 1° and left out",
+    ]
 
 
 def known_methods(names: str) -> list[str]:
@@ -211,14 +145,3 @@ def seeds_of(text: str) -> list[int]:
     if not seeds or min(seeds) < 0:
         raise BadInput(f"--seeds {text!r}: expected first-last or numbers with commas between, as 0-9 or 3,5")
     return seeds
-
-
-def write(rows: Sequence[Row], folder: Path) -> None:
-    """One row per answer, in results.csv."""
-    from scenarios.ablate.trial import Row
-
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "results.csv").open("w", newline="") as file:
-        table = csv.DictWriter(file, [field.name for field in fields(Row)])
-        table.writeheader()
-        table.writerows(asdict(row) for row in rows)

@@ -1,0 +1,23 @@
+"""The table of a study as a file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from scenarios.cli import BadInput
+
+
+def write_results(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
+    """Rows as CSV, whole or not at all. Raises `BadInput` where the disk will not have it."""
+    partial = path.with_name(f"{path.name}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("w", newline="") as file:
+            table = csv.DictWriter(file, columns, restval="")
+            table.writeheader()
+            table.writerows(rows)
+        partial.replace(path)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror or error}") from error

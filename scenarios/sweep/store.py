@@ -1,0 +1,154 @@
+"""The file that a sweep's outcomes are kept in: SQLite, one transaction per trial."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+from scenarios.cli import BadInput
+from scenarios.sweep.outcome import Outcome
+from scenarios.sweep.trial import Trial
+from scenarios.sweep.version import code_version
+
+APPLICATION = 0x736C616D
+"""Marks a file as a sweep's (SQLite's application_id)."""
+TABLE = """
+CREATE TABLE IF NOT EXISTS trial (
+    study TEXT NOT NULL, scenario TEXT NOT NULL, seed INTEGER NOT NULL, method TEXT NOT NULL,
+    config_hash TEXT NOT NULL, version TEXT NOT NULL,
+    config TEXT NOT NULL, rows TEXT NOT NULL, payload BLOB NOT NULL, traceback TEXT,
+    seconds REAL NOT NULL, preparing REAL NOT NULL,
+    PRIMARY KEY (study, scenario, seed, method, config_hash, version)
+)"""
+
+
+class Store:
+    """Outcomes by trial, of one code version; while it is open, nobody else can write.
+
+    A failed trial is kept for its traceback, but not found again: it is worth another attempt.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, path: Path | None) -> None:
+        self.connection = connection
+        self.path = path
+
+    def find(self, trial: Trial) -> Outcome | None:
+        """What an earlier sweep found, None where there is no answer yet."""
+        found = self.connection.execute(
+            "SELECT rows, payload, traceback, seconds, preparing FROM trial WHERE traceback IS NULL AND "
+            "study = ? AND scenario = ? AND seed = ? AND method = ? AND config_hash = ? AND version = ?",
+            (*trial.key, code_version()),
+        ).fetchone()
+        return None if found is None else Outcome(*found)
+
+    def keep(self, trial: Trial, outcome: Outcome) -> None:
+        """Write an outcome; once this returns, no kill takes it away. Raises `BadInput` on a full disk."""
+        row = (
+            *(*trial.key, code_version(), trial.config_text, outcome.rows, outcome.payload),
+            *(outcome.traceback, outcome.seconds, outcome.preparing),
+        )
+        try:
+            with self.connection:
+                self.connection.execute(f"INSERT OR REPLACE INTO trial VALUES ({_marks(row)})", row)
+        except sqlite3.OperationalError as error:
+            raise BadInput(f"{self.path}: {error}; {self.kept}") from error
+
+    @property
+    def kept(self) -> str:
+        """What is safe, in words."""
+        where = "" if self.path is None else f" in {self.path}; the same command goes on from there"
+        return f"{self.answered()} answers are kept{where}"
+
+    def answered(self) -> int:
+        """How many trials have an answer."""
+        return self.connection.execute("SELECT count(*) FROM trial WHERE traceback IS NULL").fetchone()[0]
+
+    def is_empty(self) -> bool:
+        """Whether no trial is kept, not even a failed one."""
+        return self.connection.execute("SELECT 1 FROM trial").fetchone() is None
+
+
+def _marks(row: tuple[object, ...]) -> str:
+    return ",".join("?" * len(row))
+
+
+@contextlib.contextmanager
+def opened(path: Path | None, fresh: bool = False) -> Iterator[Store]:
+    """The store in a file, made where there is none and emptied where it is to be ``fresh``; None: in memory.
+
+    Raises `BadInput` where the file is something else, of other code, in use, or cannot be written. What was
+    made here is taken away again when nothing was kept in it.
+    """
+    made = [] if path is None else [one for one in (path, *path.parents) if not one.exists()]
+    try:
+        with contextlib.closing(_connected(path, fresh)) as connection:
+            store = Store(connection, path)
+            try:
+                yield store
+            finally:
+                made = made if store.is_empty() else []
+    finally:
+        for one in made:
+            _take_away(one)
+
+
+def _connected(path: Path | None, fresh: bool) -> sqlite3.Connection:
+    """A connection that is the only one, to a table whose outcomes are all of this code."""
+    connection = None
+    try:
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        connection = sqlite3.connect(path or ":memory:", timeout=0.0)
+        connection.execute("PRAGMA locking_mode = EXCLUSIVE")  # until it is closed, or its process is gone
+        _claim(connection, path)
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        with connection:
+            connection.execute("BEGIN IMMEDIATE")
+            connection.execute(TABLE)
+            if fresh:
+                connection.execute("DELETE FROM trial")
+        _same_code(connection, path)
+    except (sqlite3.Error, OSError, BadInput) as error:
+        if connection is not None:
+            connection.close()
+        if isinstance(error, BadInput):
+            raise
+        raise BadInput(f"{path}: {complaint(error)}") from error
+    return connection
+
+
+def _claim(connection: sqlite3.Connection, path: Path | None) -> None:
+    """Refuse somebody else's file before anything is changed in it."""
+    mark = connection.execute("PRAGMA application_id").fetchone()[0]
+    tables = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+    if mark == 0 and tables == 0:
+        connection.execute(f"PRAGMA application_id = {APPLICATION}")
+    elif mark != APPLICATION:
+        raise BadInput(f"{path}: expected a file made by a sweep, found another SQLite file")
+
+
+def _same_code(connection: sqlite3.Connection, path: Path | None) -> None:
+    ours = code_version()
+    other = connection.execute("SELECT version FROM trial WHERE version <> ?", (ours,)).fetchone()
+    if other is not None:
+        raise BadInput(
+            f"{path}: made by slamstitch {other[0]}, this is {ours}: "
+            "expected another --out, or --fresh to run everything again"
+        )
+
+
+def complaint(error: Exception) -> str:
+    """What SQLite found wrong with a file, in the words of whoever sweeps."""
+    if "locked" in str(error):
+        return "another sweep is writing to it"
+    if "not a database" in str(error) or "no such table" in str(error):
+        return "expected a file made by a sweep, found something else"
+    return str(error)
+
+
+def _take_away(path: Path) -> None:
+    with contextlib.suppress(OSError):  # a folder that somebody else has put something into stays
+        path.rmdir() if path.is_dir() else path.unlink()
