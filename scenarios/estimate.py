@@ -8,7 +8,7 @@ from slam.posegraph import PoseGraph
 from slam.se2 import Array
 from slam.submap import Submap
 from slam.track import Track
-from stitch.align import NoStitch, Stitch
+from stitch.align import NoStitch, Prior, Stitch
 
 
 @dataclass(frozen=True)
@@ -16,12 +16,17 @@ class TriedStitch:
     """A pair of submaps (indices into ``Estimate.submaps``) that was tried, and what came of it.
 
     ``weight`` is what the robust graph left of it: 1 kept, 0 switched off, None where it never got there.
+    ``turn`` counts the rounds through the drive, from 0; in each a pair is tried when the drive has come to
+    the end of b. ``prior`` is where the graph expected b, None where everything was searched. A pair that was
+    refused may be tried again, which is another entry.
     """
 
     a: int
     b: int
     result: Stitch | NoStitch
     weight: float | None = None
+    turn: int = 0
+    prior: Prior | None = None
 
     @property
     def accepted(self) -> bool:
@@ -30,10 +35,28 @@ class TriedStitch:
 
 
 @dataclass(frozen=True)
+class Live:
+    """What was answered on the way: ``poses (N, 3)`` of each scan as given when it arrived, and the
+    ``seconds (N,)`` from its arrival until then."""
+
+    poses: Array
+    seconds: Array
+
+
+@dataclass(frozen=True)
+class NoEstimate:
+    """A method has no answer for a recording, and why."""
+
+    method: str
+    reason: str
+
+
+@dataclass(frozen=True)
 class Estimate:
     """A method's answer: ``poses (N, 3)`` of the robot at every scan, and how it came about.
 
-    ``covariance (N, 3, 3)`` are the marginals in the body frame, None where the method has none.
+    ``covariance (N, 3, 3)`` are the marginals in the body frame, None where the method has none; ``live`` is
+    what a method answered that works scan by scan.
     """
 
     method: str
@@ -44,3 +67,4 @@ class Estimate:
     stitches: tuple[TriedStitch, ...] = ()
     graph_before: PoseGraph | None = None
     graph_after: PoseGraph | None = None
+    live: Live | None = None

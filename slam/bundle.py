@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from slam import se2
 from slam.chain import SHARED_ERROR
+from slam.gauss_newton import Problem
 from slam.matching import Reference
-from slam.posegraph import PoseGraph, optimise
+from slam.posegraph import PoseGraph
 from slam.scan import Scan
 from slam.se2 import Array
 
@@ -53,7 +55,7 @@ def adjust(scans: Sequence[Scan], backbone: PoseGraph, usable: np.ndarray, confi
     for radius in config.radii:
         seen, T_ij, information, misfit = cloud.linearised(graph.poses, pairs, radius, config)
         graph = _with_pairs(replace(backbone, poses=graph.poses), seen, T_ij, information)
-        graph = replace(graph, poses=optimise(graph, "none", relinearisations=1).poses)
+        graph = replace(graph, poses=Problem.of(graph).descend(graph.poses, np.ones(len(graph.edges))))
     doubt = np.maximum(1.0, misfit / config.level_misfit) ** DOUBT
     return _with_pairs(replace(backbone, poses=graph.poses), seen, T_ij, information / doubt[:, None, None])
 
@@ -94,14 +96,23 @@ class _Cloud:
 
 def neighbours(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarray:
     """Pairs ``(P, 2)`` of keyframes i < j to match: near each other and from as many passes as there are."""
+    tree = cKDTree(poses[:, :2])
     pairs = []
-    for j in range(1, len(poses)):
-        apart = np.linalg.norm(poses[:j, :2] - poses[j, :2], axis=1)
-        near = np.flatnonzero((apart <= config.reach) & usable[:j]) if usable[j] else np.zeros(0, dtype=int)
-        passes = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
-        chosen = [_spread(run, apart, config.per_pass) for run in passes[::-1] if len(run)]
-        pairs += [(int(i), j) for i in np.concatenate(chosen or [near])[: config.neighbours]]
+    for j in np.flatnonzero(usable):
+        near = np.sort(tree.query_ball_point(poses[j, :2], config.reach))
+        pairs += [(int(i), int(j)) for i in neighbours_of(poses, int(j), near[usable[near]], config)]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def neighbours_of(poses: Array, j: int, near: np.ndarray, config: BundleConfig) -> np.ndarray:
+    """Those of the keyframes ``near`` j, in ascending order, that j is to be matched to: earlier ones, the
+    latest passes first."""
+    near = np.asarray(near, dtype=np.int64)
+    near = near[near < j]
+    apart = np.linalg.norm(poses[near, :2] - poses[j, :2], axis=1)
+    passes = np.split(np.arange(len(near)), np.flatnonzero(np.diff(near) > 1) + 1)
+    chosen = [_spread(run, apart, config.per_pass) for run in passes[::-1] if len(run)]
+    return near[np.concatenate(chosen or [np.zeros(0, dtype=np.int64)])[: config.neighbours]]
 
 
 def _spread(run: np.ndarray, apart: Array, most: int) -> np.ndarray:
@@ -120,4 +131,5 @@ def _with_pairs(backbone: PoseGraph, pairs: np.ndarray, T_ij: Array, information
         T_ij=np.concatenate([backbone.T_ij, T_ij]),
         information=np.concatenate([backbone.information, information]),
         loop=np.zeros(len(backbone.edges) + len(pairs), dtype=bool),
+        heavy=np.concatenate([backbone.heavy, np.zeros(len(pairs), dtype=bool)]),
     )

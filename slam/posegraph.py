@@ -21,11 +21,14 @@ RELINEARISATIONS = 5
 SETTLED = 1e-3
 """Largest change of a pose (m, rad) at which such rounds end."""
 
+CAUCHY = 2.385
+"""Standard deviations at which an edge with heavy tails counts half (95 % efficient where it has none)."""
+
 INLIER_PROBABILITY = 0.99
 """A loop whose χ² lies beyond this quantile is an outlier to graduated non-convexity."""
 
 
-def _no_loops() -> np.ndarray:
+def _none() -> np.ndarray:
     return np.zeros(0, dtype=bool)
 
 
@@ -48,19 +51,28 @@ class PoseGraph:
 
     ``edges (E, 2)`` indices i, j into ``poses``; ``T_ij (E, 3)``; ``information (E, 3, 3)`` in the
     tangent of j, positive semi-definite, singular where a direction is unknown; ``loop (E,)`` True for
-    the edges that may be false (default: none); ``world_steps`` an INS's position increments, or None.
+    the edges that may be false (default: none); ``heavy (E,)`` True for those whose errors have heavy tails
+    (default: none), which count with a Cauchy kernel; ``world_steps`` an INS's position increments, or None.
     """
 
     poses: Array
     edges: np.ndarray
     T_ij: Array
     information: Array
-    loop: np.ndarray = field(default_factory=_no_loops)
+    loop: np.ndarray = field(default_factory=_none)
     world_steps: WorldSteps | None = None
+    heavy: np.ndarray = field(default_factory=_none)
 
     def __post_init__(self) -> None:
-        if self.loop.size == 0 and len(self.edges):
-            object.__setattr__(self, "loop", np.zeros(len(self.edges), dtype=bool))
+        for marks in ("loop", "heavy"):
+            marked = getattr(self, marks)
+            if marked.size == len(self.edges):
+                continue
+            if np.any(marked):
+                raise ValueError(
+                    f"pose graph: {marks} marks {marked.size} edges, there are {len(self.edges)}"
+                )
+            object.__setattr__(self, marks, np.zeros(len(self.edges), dtype=bool))
 
     def with_loops(self, edges: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
         """The graph with further edges that may be false."""
@@ -70,6 +82,7 @@ class PoseGraph:
             T_ij=np.concatenate([self.T_ij, np.reshape(T_ij, (-1, 3))]),
             information=np.concatenate([self.information, np.reshape(information, (-1, 3, 3))]),
             loop=np.concatenate([self.loop, np.ones(len(edges), dtype=bool)]),
+            heavy=np.concatenate([self.heavy, np.zeros(len(edges), dtype=bool)]),
         )
 
     def with_only(self, loops: np.ndarray) -> PoseGraph:
@@ -82,6 +95,7 @@ class PoseGraph:
             T_ij=self.T_ij[kept],
             information=self.information[kept],
             loop=self.loop[kept],
+            heavy=self.heavy[kept],
         )
 
 
@@ -178,12 +192,14 @@ def _factors(graph: PoseGraph, loss: Loss) -> Any:
     import gtsam
 
     factors = gtsam.NonlinearFactorGraph()
-    for (i, j), T, information, loop in zip(
-        graph.edges, graph.T_ij, graph.information, graph.loop, strict=True
+    for (i, j), T, information, loop, heavy in zip(
+        graph.edges, graph.T_ij, graph.information, graph.loop, graph.heavy, strict=True
     ):
         noise: Any = gtsam.noiseModel.Gaussian.Information(0.5 * (information + information.T))
         if loop and loss == "dcs":
             noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.DCS.Create(1.0), noise)
+        if heavy:
+            noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY), noise)
         factors.add(gtsam.BetweenFactorPose2(int(i), int(j), gtsam.Pose2(*T), noise))
     anchor = gtsam.noiseModel.Diagonal.Sigmas(np.array(ANCHOR_SIGMAS))
     factors.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*graph.poses[0]), anchor))
@@ -234,11 +250,11 @@ def _dcs_weights(graph: PoseGraph, poses: Array) -> Array:
 
 def marginals(graph: PoseGraph, solution: Solution) -> Array:
     """Covariances ``(K, 3, 3)`` in the body frame at a solution, without the loops it switched off."""
-    import gtsam
+    from slam.gauss_newton import Problem
 
-    trusted = replace(graph.with_only(solution.weights > 0.5), poses=solution.poses)
-    found = gtsam.Marginals(_factors(trusted, "none"), _initial(solution.poses))
-    return np.array([found.marginalCovariance(k) for k in range(len(solution.poses))])
+    trusted = graph.with_only(solution.weights > 0.5)
+    factor, _ = Problem.of(trusted).factor(solution.poses, np.ones(len(trusted.edges)))
+    return factor.inverse_blocks()
 
 
 def joint_covariance(graph: PoseGraph) -> Array:

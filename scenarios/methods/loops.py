@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -13,10 +14,14 @@ from scipy.sparse.csgraph import dijkstra
 
 from scenarios.estimate import TriedStitch
 from slam import se2
+from slam.cholesky import Factor
 from slam.consistency import consistent_loops
+from slam.gauss_newton import Problem
+from slam.gnc import judge
 from slam.posegraph import Loss, PoseGraph, Solution, informations, optimise
 from slam.se2 import Array
 from slam.submap import Submap
+from slam.uncertainty import relative_covariance
 from stitch.align import NoStitch, Prior, Stitch
 from stitch.config import AlignConfig
 
@@ -37,7 +42,18 @@ INJECTED_OFFSET = (1.0, 5.0)
 """A false stitch that is injected lies this far [m] from where the graph has its submap, turned by any
 angle."""
 
-Stitcher = Callable[[Submap, Submap, Prior], Stitch | NoStitch]
+Stitcher = Callable[..., Stitch | NoStitch]
+"""Answers for two submaps and a `Prior`, or None where nothing is known of how they lie."""
+
+Redraw = Callable[[Array, Sequence[Submap]], Sequence[Submap]]
+"""The submaps as poses of the graph's nodes would have them: those whose shape changed are drawn anew, the
+others are the same objects."""
+
+MOVED = 1.5
+"""A refused pair is tried again when it is expected so many standard deviations of its prior elsewhere."""
+
+ATTEMPTS = 2
+"""How often a pair is tried at most."""
 
 
 @dataclass(frozen=True)
@@ -45,24 +61,27 @@ class LoopConfig:
     """How loops are sought.
 
     A submap spans ``length`` m of drive. Each is stitched to at most ``candidates`` earlier ones whose
-    middles may lie within ``reach`` m, no two of them closer than ``spread`` submaps along the drive. The
-    search window grows with the graph distance: ``window`` (m at distance zero, m per m, most m),
-    ``window_ins`` for an INS, and ``window_angle`` likewise in rad. ``trusted_edge`` m is how long an
-    accepted loop counts in that distance, ``broken_edge`` m what a failure adds to it. ``back_end`` judges
-    the stitches. For ablation: of all stitches a share of ``injected`` is made up, drawn with
-    ``injected_seed``.
+    middles may lie within ``reach`` m, no two of them closer than ``spread`` submaps along the drive. What
+    the graph knows of how two submaps lie, its covariance ``inflation``-fold, and ``window`` (for an INS
+    ``window_ins``) m and ``window_angle`` rad on top make three sigma that are searched; beyond ``usable``
+    (m, rad) the search is of all alignments. Per submap there is a bounded number of stitches, in at most
+    ``rounds`` rounds. Graph distance, where it is asked for: an accepted loop counts ``trusted_edge`` m, a
+    failure adds ``broken_edge`` m. ``back_end`` judges the stitches. For ablation: of all stitches a share of
+    ``injected`` is made up, drawn with ``injected_seed``.
     """
 
     length: float = 3.0
     reach: float = 4.0
     candidates: int = 5
     spread: int = 3
-    window: tuple[float, float, float] = (0.8, 0.020, 3.5)
-    window_ins: tuple[float, float, float] = (0.4, 0.008, 1.0)
-    window_angle: tuple[float, float, float] = (np.radians(5.0), np.radians(0.25), np.radians(20.0))
+    window: float = 0.8
+    window_ins: float = 0.4
+    window_angle: float = np.radians(5.0)
+    inflation: float = 2.0
+    usable: tuple[float, float] = (6.0, np.radians(60.0))
     trusted_edge: float = 1.0
     broken_edge: float = 15.0
-    rounds: int = 2
+    rounds: int = 3
     align: AlignConfig = field(default_factory=AlignConfig)
     back_end: BackEnd = "gnc"
     injected: float = 0.0
@@ -77,34 +96,59 @@ class LoopConfig:
 
 @dataclass(frozen=True)
 class Closed:
-    """The graph over submap anchors with its loops, the poses and weights it settled on, and every stitch
-    tried."""
+    """The graph with its loops, the poses and weights it settled on, and every stitch tried.
+
+    ``nodes (K,)`` are the graph's nodes that stand for the ``submaps``, None where node k is submap k; these
+    are as they were drawn last.
+    """
 
     graph: PoseGraph
     poses: Array
     tried: tuple[TriedStitch, ...]
+    submaps: tuple[Submap, ...] = ()
+    nodes: np.ndarray | None = None
 
 
-class _Search:
-    """The submaps, the stitches tried between them so far, and where the graph puts them now."""
+class Search:
+    """The submaps, the stitches tried between them so far, and where the graph puts them now.
 
-    def __init__(self, submaps: list[Submap], backbone: PoseGraph, source: str, config: LoopConfig) -> None:
+    ``nodes (K,)`` are the graph's nodes that stand for the submaps' anchors.
+    """
+
+    def __init__(
+        self,
+        submaps: Sequence[Submap],
+        backbone: PoseGraph,
+        source: str,
+        config: LoopConfig,
+        nodes: np.ndarray | None = None,
+    ) -> None:
         self.submaps, self.backbone, self.config = submaps, backbone, config
-        self.window = config.window_ins if source == "ins" else config.window
+        self.nodes = np.arange(len(submaps)) if nodes is None else nodes
+        window = config.window_ins if source == "ins" else config.window
+        self.least = np.diag([window, window, config.window_angle]) / 3.0
         self.results: dict[tuple[int, int], Stitch | NoStitch] = {}
+        self.tried: list[TriedStitch] = []
         self.poses = backbone.poses
         self.weights: Array = np.zeros(0)
         broken = np.array([a.stop != b.start for a, b in pairwise(submaps)], dtype=float)
-        walked = np.linalg.norm(np.diff(backbone.poses[:, :2], axis=0), axis=1)
+        walked = np.linalg.norm(np.diff(backbone.poses[self.nodes, :2], axis=0), axis=1)
         self.steps = walked + config.broken_edge * broken
         self.middles = np.array([_middle(submap) for submap in submaps])
+        self._known: tuple[Factor, Array] | None = None  # the graph's, until it settles anew
+
+    @property
+    def anchors(self) -> Array:
+        """Poses ``(K, 3)`` of the submaps."""
+        return self.poses[self.nodes]
 
     def accepted(self) -> list[tuple[tuple[int, int], Stitch]]:
         """Pairs that were stitched, in the order of trying, whatever the graph thinks of them."""
         return [(pair, r) for pair, r in self.results.items() if isinstance(r, Stitch)]
 
     def distances(self, b: int) -> Array:
-        """Metres ``(K,)`` from node b to every node along the drive and over the loops that are trusted."""
+        """Metres ``(K,)`` from submap b to every submap along the drive and over the loops that are
+        trusted."""
         k = len(self.submaps)
         lengths = dict(zip(pairwise(range(k)), np.maximum(self.steps, 1e-6).tolist(), strict=True))
         for (pair, _), weight in zip(self.accepted(), self.weights, strict=False):
@@ -114,17 +158,20 @@ class _Search:
         edges = coo_array((list(lengths.values()), (rows, columns)), shape=(k, k))
         return dijkstra(edges.tocsr(), directed=False, indices=b)
 
-    def reach(self, distance: Array | float) -> Array:
-        """Half width [m] of the search at a graph distance [m]."""
-        base, slope, most = self.window
-        return np.minimum(base + slope * np.asarray(distance), most)
+    def covariances(self, b: int) -> Array:
+        """Covariances ``(b, 3, 3)`` of submap b as seen from each earlier one, in b's tangent."""
+        if self._known is None:
+            trusted = self.graph().with_only(self._all_weights() > 0.5)
+            factor, _ = Problem.of(trusted).factor(self.poses, np.ones(len(trusted.edges)))
+            self._known = factor, factor.inverse_blocks()
+        return relative_covariance(*self._known, self.poses, self.nodes[:b], int(self.nodes[b]))
 
     def candidates(self, b: int) -> list[int]:
         """Earlier submaps worth trying: the one across a failure, then the nearest, spread along the
         drive."""
-        middles = se2.transform(self.poses[: b + 1], self.middles[: b + 1, None])[:, 0]
+        middles = se2.transform(self.anchors[: b + 1], self.middles[: b + 1, None])[:, 0]
         apart = np.linalg.norm(middles[:b] - middles[b], axis=1)
-        near = apart <= self.config.reach + self.reach(self.distances(b)[:b])
+        near = apart <= self.config.reach + self.doubt(b)
         chosen = [b - 1] if self.submaps[b - 1].stop != self.submaps[b].start else []
         for a in np.argsort(apart, kind="stable"):
             if len(chosen) >= self.config.candidates:
@@ -133,21 +180,68 @@ class _Search:
                 chosen.append(int(a))
         return [a for a in chosen if (a, b) not in self.results]
 
+    def doubt(self, b: int) -> Array:
+        """How far off [m] submap b may lie as seen from each earlier one ``(b,)``: three sigma."""
+        return 3.0 * np.sqrt(np.linalg.eigvalsh(self.covariances(b)[:, :2, :2])[:, -1])
+
     def prior(self, a: int, b: int) -> Prior:
         """Where the graph expects b seen from a; the search window is its three sigma."""
-        distance = float(self.distances(b)[a])
-        base, slope, most = self.config.window_angle
-        sigma, sigma_angle = float(self.reach(distance)) / 3.0, min(base + slope * distance, most) / 3.0
-        return Prior(se2.between(self.poses[a], self.poses[b]), np.diag([sigma, sigma, sigma_angle]) ** 2)
+        covariance = self.config.inflation * self.covariances(b)[a] + self.least**2
+        return Prior(se2.between(self.anchors[a], self.anchors[b]), (covariance + covariance.T) / 2.0)
+
+    def usable(self, prior: Prior) -> bool:
+        """False where a prior leaves so much open that a search of everything is as good."""
+        away = 3.0 * np.sqrt(np.linalg.eigvalsh(prior.covariance[:2, :2])[-1])
+        return bool(
+            away <= self.config.usable[0] and 9.0 * prior.covariance[2, 2] <= self.config.usable[1] ** 2
+        )
+
+    def visit(self, b: int, stitch: Stitcher, turn: int) -> None:
+        """Stitch submap b to its candidates in round ``turn``; where that succeeds, let the graph settle."""
+        found = False
+        expectations = [(a, self.prior(a, b)) for a in self.candidates(b)]
+        for a, expected in expectations:
+            prior = expected if self.usable(expected) else None
+            result = stitch(self.submaps[a], self.submaps[b], prior)
+            self.results[a, b] = result
+            self.tried.append(TriedStitch(a, b, result, turn=turn, prior=prior))
+            found |= isinstance(result, Stitch)
+        if found:
+            self.settle()
+
+    def reopen(self, redrawn: set[int]) -> None:
+        """Allow refused pairs to be tried again of which a submap was ``redrawn``, or which are expected
+        elsewhere by now."""
+        last = {(one.a, one.b): one for one in self.tried}
+        times = Counter((one.a, one.b) for one in self.tried)
+        for (a, b), one in last.items():
+            if isinstance(one.result, Stitch) or times[a, b] >= ATTEMPTS:
+                continue
+            here = se2.between(self.anchors[a], self.anchors[b])
+            moved = one.prior is not None and one.prior.distance(here) > MOVED**2
+            if moved or a in redrawn or b in redrawn:
+                self.results.pop((a, b), None)
+
+    def redraw(self, redraw: Redraw | None) -> None:
+        """Let submaps be drawn as the graph now has them, and reopen the pairs that this may decide."""
+        drawn = self.submaps if redraw is None else redraw(self.poses, self.submaps)
+        redrawn = {k for k, (old, new) in enumerate(zip(self.submaps, drawn, strict=True)) if new is not old}
+        self.submaps = drawn
+        self.reopen(redrawn)
 
     def graph(self) -> PoseGraph:
         """The backbone with every accepted stitch as a loop."""
-        return with_stitches(self.backbone, self.accepted())
+        return with_stitches(self.backbone, self.accepted(), self.nodes)
 
     def settle(self) -> None:
         """Let the robust graph place the submaps and judge the stitches."""
-        solution = settled(replace(self.graph(), poses=self.poses), self.config.back_end)
-        self.poses, self.weights = solution.poses, solution.weights
+        graph = replace(self.graph(), poses=self.poses)
+        solution = settled(graph, self.config.back_end, self._all_weights())
+        self.poses, self.weights, self._known = solution.poses, solution.weights, None
+
+    def _all_weights(self) -> Array:
+        """Weights of all stitches; one that was not judged yet is trusted."""
+        return np.concatenate([self.weights, np.ones(len(self.accepted()) - len(self.weights))])
 
 
 def _middle(submap: Submap) -> Array:
@@ -156,51 +250,65 @@ def _middle(submap: Submap) -> Array:
     return points.mean(axis=0) if len(points) else np.zeros(2)
 
 
-def with_stitches(graph: PoseGraph, stitches: Sequence[tuple[tuple[int, int], Stitch]]) -> PoseGraph:
-    """The graph with stitches between its nodes as further loops.
+def with_stitches(
+    graph: PoseGraph, stitches: Sequence[tuple[tuple[int, int], Stitch]], nodes: np.ndarray | None = None
+) -> PoseGraph:
+    """The graph with stitches between submaps as loops; ``nodes (K,)`` stand for these, by default 0 to K-1.
 
     Raises ``ValueError`` naming the pair whose covariance is not positive definite.
     """
     pairs = np.array([pair for pair, _ in stitches], dtype=np.int64).reshape(-1, 2)
     T_ab = np.array([stitch.T_a_b for _, stitch in stitches]).reshape(-1, 3)
     covariance = np.array([stitch.covariance for _, stitch in stitches], dtype=np.float64)
-    return graph.with_loops(pairs, T_ab, informations(pairs, covariance))
+    information = informations(pairs, covariance)
+    return graph.with_loops(pairs if nodes is None else nodes[pairs], T_ab, information)
 
 
-def settled(graph: PoseGraph, back_end: BackEnd) -> Solution:
-    """Poses of the graph and weights of its loops, as a back end judges them."""
+def settled(graph: PoseGraph, back_end: BackEnd, known: Array | None = None) -> Solution:
+    """Poses of the graph and weights of its loops, as a back end judges them.
+
+    ``known (L,)``: weights the loops had until now, from which graduated non-convexity may start.
+    """
     first_consistent, loss = BACK_ENDS[back_end]
-    if not first_consistent or not np.any(graph.loop):
+    if back_end == "gnc" or not np.any(graph.loop):
+        return judge(graph, known)
+    if not first_consistent:
         return optimise(graph, loss)
     kept = consistent_loops(graph)
-    solution = optimise(graph.with_only(kept), loss)
+    solution = judge(graph.with_only(kept)) if loss == "gnc" else optimise(graph.with_only(kept), loss)
     weights: Array = np.zeros(len(kept))
     weights[kept] = solution.weights
     return Solution(solution.poses, weights)
 
 
 def close(
-    submaps: list[Submap], backbone: PoseGraph, source: str, config: LoopConfig, stitch: Stitcher
+    submaps: Sequence[Submap],
+    backbone: PoseGraph,
+    source: str,
+    config: LoopConfig,
+    stitch: Stitcher,
+    nodes: np.ndarray | None = None,
+    redraw: Redraw | None = None,
 ) -> Closed:
     """Stitch submaps to earlier ones in the order of the drive, re-optimising whenever a stitch was
     found.
 
-    ``backbone`` is the graph over the submaps' anchors, node k = submap k; ``source`` tells an INS from
-    odometry; ``stitch`` answers for a pair and where the graph expects it.
+    ``backbone`` is the graph over the submaps' anchors, which are its ``nodes (K,)``, by default all;
+    ``source`` tells an INS from odometry; ``stitch`` answers for a pair and where the graph expects it;
+    ``redraw`` draws submaps anew between rounds. Ends when a round finds no pair to try.
     """
-    search = _Search(submaps, backbone, source, config)
+    search = Search(submaps, backbone, source, config, nodes)
     search.settle()  # dead reckoning and matches have their say even where nothing is ever stitched
-    for _ in range(config.rounds):
-        asked = len(search.results)
+    for turn in range(config.rounds):
+        asked = len(search.tried)
         for b in range(1, len(submaps)):
-            tried = {(a, b): stitch(submaps[a], submaps[b], search.prior(a, b)) for a in search.candidates(b)}
-            search.results.update(tried)
-            if any(isinstance(result, Stitch) for result in tried.values()):
-                search.settle()
-        if len(search.results) == asked:
+            search.visit(b, stitch, turn)
+        if len(search.tried) == asked:
             break
-    tried_stitches = tuple(TriedStitch(a, b, result) for (a, b), result in search.results.items())
-    return Closed(search.graph(), search.poses, weighed(tried_stitches, search.weights))
+        search.redraw(redraw)
+    solution = settled(replace(search.graph(), poses=search.poses), config.back_end)
+    tried = weighed(tuple(search.tried), solution.weights)
+    return Closed(search.graph(), solution.poses, tried, tuple(search.submaps), nodes)
 
 
 def weighed(tried: tuple[TriedStitch, ...], weights: Array) -> tuple[TriedStitch, ...]:
@@ -219,11 +327,12 @@ def with_false(closed: Closed, start: Array, config: LoopConfig, rng: np.random.
     if not found:
         return closed
     count = round(len(found) * config.injected / (1.0 - config.injected))
-    false = [false_stitch(closed.poses, found, rng) for _ in range(count)]
-    graph = with_stitches(closed.graph, false)
+    poses = closed.poses if closed.nodes is None else closed.poses[closed.nodes]
+    false = [false_stitch(poses, found, rng) for _ in range(count)]
+    graph = with_stitches(closed.graph, false, closed.nodes)
     solution = settled(replace(graph, poses=start), config.back_end)
     tried = (*closed.tried, *(TriedStitch(a, b, stitch) for (a, b), stitch in false))
-    return Closed(graph, solution.poses, weighed(tried, solution.weights))
+    return replace(closed, graph=graph, poses=solution.poses, tried=weighed(tried, solution.weights))
 
 
 def false_stitch(

@@ -10,18 +10,23 @@ from itertools import pairwise
 import numpy as np
 
 from scenarios.estimate import Estimate
+from scenarios.methods import backbone as backbones
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import Stitcher, close, with_false
-from slam import bundle, chain, keyframes, se2
+from slam import bundle, keyframes, se2
 from slam.companions import without_companions
 from slam.frontend import track
 from slam.posegraph import marginals, optimise
 from slam.recording import Recording
 from slam.scan import Scan, scans_of
+from slam.se2 import Array
 from slam.segmentation import Segment, segments
-from slam.submap import cut
+from slam.submap import Submap, cut
 from slam.track import Track, Verdict
 from stitch.align import align
+
+BENT = (0.05, 0.05, np.radians(1.0))
+"""A submap is drawn anew when one of its scans moved further in it (m, m, rad): half a cell at 3 m."""
 
 
 def run(recording: Recording, config: MethodConfig) -> Estimate:
@@ -47,18 +52,21 @@ def mapped(
     stretches = chop(found, segments(found, config.segmentation), config.loops.length)
     if not stretches:  # too little was matched to be a map
         return Estimate(method, found.poses, track=found)
-    submaps = [
-        cut(recording, scans, found.poses, s.start, s.stop, np.union1d(drawn, s.start)) for s in stretches
-    ]
     anchors = np.array([s.start for s in stretches])
-    backbone = chain.backbone(recording, found, anchors)
-    closed = close(submaps, backbone, recording.source, config.loops, stitch)
+    ends = np.array([a.stop - 1 for a, b in pairwise(stretches) if a.stop != b.start], dtype=np.int64)
+    nodes = np.union1d(anchors, ends)
+    pen = _Pen(recording, scans, drawn, found.poses, nodes)
+    submaps = [pen.draw(found.poses, s.start, s.stop) for s in stretches]
+    backbone = backbones.tracked(recording, found, nodes)
+    closed = close(
+        submaps, backbone, recording.source, config.loops, stitch, np.searchsorted(nodes, anchors), pen.redraw
+    )
     if config.loops.injected > 0.0:
         rng = np.random.default_rng(config.loops.injected_seed)
         closed = with_false(closed, backbone.poses, config.loops, rng)
-    poses = keyframes.carry(found.poses, anchors, closed.poses)
+    poses = keyframes.carry(found.poses, nodes, closed.poses)
     rows = keyframes.choose(poses)
-    reckoned = chain.reckoning(recording, poses, rows)
+    reckoned = backbones.reckoned(recording, poses, rows)
     graph = bundle.adjust([scans[k] for k in rows], reckoned, matched[rows], config.bundle)
     settled = optimise(graph, "none")
     return Estimate(
@@ -66,11 +74,43 @@ def mapped(
         keyframes.carry(poses, rows, settled.poses),
         covariance=marginals(graph, settled)[keyframes.nearest(rows, len(recording))],
         track=found,
-        submaps=tuple(submaps),
+        submaps=closed.submaps,
         stitches=closed.tried,
-        graph_before=replace(closed.graph, poses=found.poses[anchors]),
+        graph_before=replace(closed.graph, poses=found.poses[nodes]),
         graph_after=replace(closed.graph, poses=closed.poses),
     )
+
+
+class _Pen:
+    """Draws submaps of a drive, and anew where the graph has bent them.
+
+    ``rows`` may be drawn, ``poses (N, 3)`` are the track's and ``nodes`` the scans that the graph places.
+    """
+
+    def __init__(
+        self, recording: Recording, scans: Sequence[Scan], rows: np.ndarray, poses: Array, nodes: np.ndarray
+    ) -> None:
+        self.recording, self.scans, self.rows = recording, scans, rows
+        self.poses, self.nodes = poses, nodes
+        self.drawn = poses  # as each submap was last drawn
+
+    def draw(self, poses: Array, start: int, stop: int) -> Submap:
+        """Scans ``start..stop-1`` at ``poses (N, 3)``; its first is drawn whatever was said of it."""
+        return cut(self.recording, self.scans, poses, start, stop, np.union1d(self.rows, start))
+
+    def redraw(self, placed: Array, submaps: Sequence[Submap]) -> list[Submap]:
+        """The submaps after the graph ``placed (K, 3)`` its nodes; those that hardly changed are kept."""
+        poses = keyframes.carry(self.poses, self.nodes, placed)
+        answer = []
+        for submap in submaps:
+            inside = slice(submap.start, submap.stop)
+            before, after = (se2.between(p[submap.start], p[inside]) for p in (self.drawn, poses))
+            moved = np.abs(se2.between(before, after)) > BENT
+            answer.append(self.draw(poses, submap.start, submap.stop) if np.any(moved) else submap)
+            if np.any(moved):
+                self.drawn = self.drawn.copy()
+                self.drawn[inside] = poses[inside]
+        return answer
 
 
 def chop(found: Track, stretches: tuple[Segment, ...], length: float) -> list[Segment]:

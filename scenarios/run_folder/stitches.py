@@ -9,7 +9,7 @@ import numpy as np
 from scenarios.estimate import Estimate, TriedStitch
 from scenarios.evaluation.stitches import stitch_error
 from slam.se2 import Array
-from stitch.align import Alternative, Stitch
+from stitch.align import Alternative, Prior, Stitch
 
 
 def segments(estimates: Sequence[Estimate]) -> dict[str, list[dict[str, int]]]:
@@ -31,8 +31,20 @@ def stories(estimates: Sequence[Estimate], truth: Array | None) -> dict[str, lis
 
 
 def story(estimate: Estimate, tried: TriedStitch, truth: Array | None) -> dict[str, object]:
-    """What came of a pair of segments: the alignment and what speaks for it, or why there is none."""
-    told: dict[str, object] = {"a": tried.a, "b": tried.b, "accepted": tried.accepted, "weight": tried.weight}
+    """What came of a pair of segments: when it was tried and where it was expected, the alignment and what
+    speaks for it, or why there is none.
+
+    ``scan`` is the last scan of b: in round (``turn``) 0 nothing later was known.
+    """
+    told: dict[str, object] = {
+        "a": tried.a,
+        "b": tried.b,
+        "turn": tried.turn,
+        "scan": estimate.submaps[tried.b].stop - 1,
+        "prior": None if tried.prior is None else _prior(tried.prior),
+        "accepted": tried.accepted,
+        "weight": tried.weight,
+    }
     result = tried.result
     if not isinstance(result, Stitch):
         best = None if result.best is None else _alternative(result.best)
@@ -50,6 +62,10 @@ def story(estimate: Estimate, tried: TriedStitch, truth: Array | None) -> dict[s
         told |= {"error_m": error.translation, "error_deg": float(np.degrees(error.rotation))}
         told["false"] = tried.accepted and error.false
     return told
+
+
+def _prior(prior: Prior) -> dict[str, object]:
+    return {"T_a_b": prior.T_a_b, "covariance": prior.covariance}
 
 
 def _alternative(other: Alternative) -> dict[str, object]:
