@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,10 +13,10 @@ from tyro.conf import Positional, arg
 
 from scenarios.catalogue import CATALOGUE
 from scenarios.cli import POSE, BadInput, Pose, main, nearest
-from scenarios.methods import FAIR, METHODS, REHEARSED_AS
+from scenarios.methods import FAIR, METHODS, ONLINE, REHEARSED_AS, answer
 
 if TYPE_CHECKING:
-    from scenarios.estimate import Estimate
+    from scenarios.estimate import Estimate, NoEstimate
     from scenarios.evaluation import Metric
     from scenarios.methods.config import MethodConfig
     from scenarios.run_folder import Run
@@ -42,10 +43,14 @@ class Options:
     """Which of a scenario's drives to simulate."""
     methods: Annotated[str, arg(metavar="A,B,…")] = ",".join(FAIR)
     """Methods to run, separated by commas; "oracle", which is told the truth, only where it is named."""
+    online: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Also run slamstitch scan by scan, as on a robot, and measure the latency of each scan."""
     out: Annotated[Path, arg(metavar="DIR")] = Path("runs")
     """Folder that the run's folder is put into."""
     format: Literal["table", "json"] = "table"
     """What is printed on stdout."""
+    view: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Open the run in Rerun when it is done; needs the extra [view]."""
     relations: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """File of true relative poses (Kümmerle et al. 2009) to score a log against."""
     laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
@@ -54,6 +59,9 @@ class Options:
         Literal["ins", "odometry"] | None, arg(metavar="ins|odometry", help_behavior_hint="")
     ] = None
     """What a simulated robot reckons with, where it shall not be what the scenario has."""
+    no_dead_reckoning: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Take no notice of the dead reckoning: the laser alone tells how the robot moved. Methods that rest on
+    it have no answer then."""
     start: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
     """Where a drive through a ROS map begins, in m and rad; drawn where it is not given."""
 
@@ -64,6 +72,10 @@ def run(options: Options) -> None:
         print_catalogue()
         return
     methods, name = checked(options)
+    if options.view:
+        from scenarios.report import view
+
+        view.check()
 
     from rich.console import Console
 
@@ -75,15 +87,19 @@ def run(options: Options) -> None:
     run_folder.check(options.out, name)
     config, stages = MethodConfig(), Stages(Console(stderr=True))
     source = obtain(options, stages)
-    estimates = [*estimate(source.recording, methods, config, stages), *source.published]
+    answers = estimate(source.recording, methods, config, stages)
+    estimates = [*with_answer(answers), *source.published]
     with stages.stage("evaluate"):
-        metrics = evaluate(source.recording, estimates) + costs(methods, source.recording, stages)
+        metrics = evaluate(source.recording, [*answers, *source.published])
+        metrics += costs(answers, source.recording, stages)
     result = described(options, config, source, estimates, metrics)
     with run_folder.prepare(options.out, name) as folder:
         with stages.stage("report"):
-            run_folder.write(folder, result)
+            run_folder.write(folder, result, stages.costs)
         run_folder.publish(folder, {**result.environment, "stages": stages.costs})
     show(result, options.format, folder.final)
+    if options.view:
+        view.run([folder.final], None)
 
 
 def checked(options: Options) -> tuple[list[str], str]:
@@ -95,6 +111,7 @@ def checked(options: Options) -> tuple[list[str], str]:
     if options.seed < 0:
         raise BadInput(f"--seed: expected 0 or more, got {options.seed}")
     methods = [name.strip() for name in options.methods.split(",") if name.strip()]
+    methods += [ONLINE] if options.online else []
     for name in methods:
         if name not in METHODS:
             raise BadInput(f"unknown method {name!r}: {nearest(name, METHODS)}")
@@ -112,7 +129,21 @@ def checked(options: Options) -> tuple[list[str], str]:
 
 
 def obtain(options: Options, stages: Stages) -> Source:
-    """The recording, simulated or read."""
+    """The recording, simulated or read; what it lacks is told."""
+    found = _obtain(options, stages)
+    if options.no_dead_reckoning:
+        found = replace(found, recording=found.recording.without_dead_reckoning())
+    if found.recording.source == "none":
+        why = (
+            "--no-dead-reckoning"
+            if options.no_dead_reckoning
+            else "none in the log, or one that never changes"
+        )
+        stages.console.print(f"no dead reckoning ({why}): the laser alone tells how the robot moved")
+    return found
+
+
+def _obtain(options: Options, stages: Stages) -> Source:
     from scenarios import source
 
     if source.is_scenario(options.recording):
@@ -136,27 +167,46 @@ def tell_of_compilation(stages: Stages) -> None:
 
 def estimate(
     recording: Recording, methods: list[str], config: MethodConfig, stages: Stages
-) -> list[Estimate]:
+) -> list[Estimate | NoEstimate]:
     """Every method's answer, in the order asked for; compiling and loading kernels is on nobody's bill."""
     from scenarios.rehearsal import rehearsal
 
     with stages.stage("rehearse"):
         short = rehearsal(recording)
         for name in methods:
-            METHODS[REHEARSED_AS.get(name, name)](short, config)
-    estimates = []
+            answer(REHEARSED_AS.get(name, name), short, config)
+    answers: list[Estimate | NoEstimate] = []
     for name in methods:
         with stages.stage(name):
-            estimates.append(METHODS[name](recording, config))
-    return estimates
+            answers.append(answer(name, recording, config))
+    return answers
 
 
-def costs(methods: list[str], recording: Recording, stages: Stages) -> list[Metric]:
-    """Wall time and memory of every method that ran here."""
-    from scenarios.evaluation import cost
+def with_answer(answers: Sequence[Estimate | NoEstimate]) -> list[Estimate]:
+    """The answers that are some. Raises `BadInput` where there is none, with every method's reason."""
+    from scenarios.estimate import Estimate
 
-    paid = [(name, stages.costs[name]) for name in methods]
-    return [metric for name, c in paid for metric in cost(name, c.wall_s, len(recording), c.peak_mb)]
+    found = [one for one in answers if isinstance(one, Estimate)]
+    if not found:
+        raise BadInput(
+            "; ".join(f"{one.method}: {one.reason}" for one in answers if not isinstance(one, Estimate))
+        )
+    return found
+
+
+def costs(answers: Sequence[Estimate | NoEstimate], recording: Recording, stages: Stages) -> list[Metric]:
+    """Wall time and memory of every method that ran here and had an answer."""
+    from scenarios.estimate import NoEstimate
+    from scenarios.evaluation import COST, cost, missing
+
+    metrics: list[Metric] = []
+    for one in answers:
+        if isinstance(one, NoEstimate):
+            metrics += missing(one.method, COST, one.reason)
+        else:
+            paid = stages.costs[one.method]
+            metrics += cost(one.method, paid.wall_s, len(recording), paid.peak_mb)
+    return metrics
 
 
 def described(

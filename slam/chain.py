@@ -18,6 +18,10 @@ SHARED_ERROR = 25.0
 """Neighbouring points share their errors (an uneven floor, a bent wall): a match's information is divided
 by this, as if each range had five times its noise."""
 
+SHARED_SPEED = 100.0
+"""Steps without dead reckoning share their error, a speed nobody knows: each has so many times its
+variance."""
+
 LEAST_VARIANCE = 1e-8
 """Variance (m², rad²) of a step at rest, so that its inverse exists."""
 
@@ -51,11 +55,14 @@ def backbone(recording: Recording, track: Track, rows: np.ndarray) -> PoseGraph:
 
 
 def reckoning(recording: Recording, poses: Array, rows: np.ndarray) -> PoseGraph:
-    """Graph of dead reckoning alone over the scans ``rows (K,)``, placed at ``poses (N, 3)``."""
+    """Graph of dead reckoning alone over the scans ``rows (K,)``, placed at ``poses (N, 3)``.
+
+    Without any, each step is expected to be that of ``poses``, as surely as the time it took allows.
+    """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
     steps = pairwise(rows)
     information = [_reckoned_information(recording, int(i), int(j)) for i, j in steps]
-    at_rows = recording.dead_reckoning[rows]
+    at_rows = (poses if recording.source == "none" else recording.dead_reckoning)[rows]
     return PoseGraph(
         poses=poses[rows],
         edges=pairs,
@@ -68,24 +75,28 @@ def reckoning(recording: Recording, poses: Array, rows: np.ndarray) -> PoseGraph
 def _tracked_covariance(recording: Recording, track: Track, i: int, j: int) -> Array:
     """Covariance in the body frame of scan j of the track's step from i, composed along the drive."""
     covariance: Array = np.eye(3) * LEAST_VARIANCE
-    last, since = i, 0.0
+    last, sure, since = i, i, 0.0
     steps = [k for k in range(i + 1, j + 1) if track.verdict[k] != Verdict.SKIPPED]
     for k in steps:
         covariance = se2.transport(covariance, se2.between(track.poses[k], track.poses[last]))
         since += float(np.hypot(*(track.poses[k, :2] - track.poses[last, :2])))
         if track.verdict[k] == Verdict.FELL_BACK:
-            covariance = covariance + dead_reckoning.body_covariance(recording, last, k, track.poses[k])
+            lost = dead_reckoning.lost_covariance(recording, sure, last, k, track.poses[k])
+            covariance = covariance + lost
         elif since >= LOCAL_MAP_SHIFT or k == steps[-1]:
             floor = np.eye(3) / WORST_VARIANCE
             covariance = covariance + np.linalg.inv(track.information[k] / SHARED_ERROR + floor)
             since = 0.0
         last = k
+        sure = sure if track.verdict[k] == Verdict.FELL_BACK else k
     return se2.transport(covariance, se2.between(track.poses[j], track.poses[last]))
 
 
 def _reckoned_information(recording: Recording, i: int, j: int) -> Array:
     """Information of the recorded step in the body frame of j, its covariance summed scan by scan; for an
     INS of its yaw alone."""
+    if recording.source == "none":
+        return np.linalg.inv(SHARED_SPEED * dead_reckoning.step_covariance(recording, i, j))
     reckoned = recording.dead_reckoning
     covariance: Array = np.zeros((3, 3))
     for k in range(i + 1, j + 1):

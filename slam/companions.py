@@ -30,14 +30,15 @@ def without_companions(recording: Recording, scans: Sequence[Scan]) -> list[Scan
     A wall seen at the same place in the robot's frame though the robot moved across it is none. With wheel
     odometry all scans stay as they are: a robot whose wheels slip would see nothing but companions.
     """
-    if recording.source != "ins":
-        return list(scans)
-    return [_cleaned(recording, scans, k) for k in range(len(scans))]
+    return [without_companion_points(recording, scans, k) for k in range(len(scans))]
 
 
-def _cleaned(recording: Recording, scans: Sequence[Scan], k: int) -> Scan:
+def without_companion_points(recording: Recording, scans: Sequence[Scan], k: int) -> Scan:
+    """Scan k of `without_companions`, to which only ``scans`` up to k are looked at."""
     from slam.matching.neighbours import nearest_all
 
+    if recording.source != "ins":
+        return scans[k]
     first = max(0, k - MOST_BACK)
     way = np.linalg.norm(recording.dead_reckoning[first:k, :2] - recording.dead_reckoning[k, :2], axis=1)
     far = np.flatnonzero(way >= LOOK_BACK)

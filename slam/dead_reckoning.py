@@ -2,7 +2,8 @@
 
 An INS increments its position in its own world frame, whatever its yaw does (USARSim's INS, report
 §6.2.4); wheel odometry increments in the body frame. The variances were measured on recordings of both
-kinds.
+kinds. Where there is no dead reckoning, a robot is expected where it was, the less surely the longer ago
+that is.
 """
 
 from __future__ import annotations
@@ -20,6 +21,12 @@ INS_WALK = 5e-4
 INS_POSITION_FLOOR = 2.0 * 0.003**2
 """Variance of an INS position increment at rest [m²]."""
 
+SPEED_SIGMA, TURN_SIGMA = 0.5, 0.5
+"""Speed [m/s, rad/s] that a robot without dead reckoning may have had since it was last seen (one sigma)."""
+
+SHORTEST = 0.1
+"""Least time [s] that passes between two scans, whatever their stamps say: some logs' go backwards."""
+
 
 def predict(
     recording: Recording, j: int, k: int, pose_j: Array, calibration: Calibration | None = None
@@ -27,10 +34,11 @@ def predict(
     """Pose ``(3,)`` at scan k in the map frame, from the pose at scan j and the recorded increment, which an
     INS's ``calibration`` corrects.
 
-    The map frame is the dead reckoning's: every method starts at the first recorded pose.
+    The map frame is the dead reckoning's: every method starts at the first recorded pose. Without dead
+    reckoning the robot stands still.
     """
     before, after = recording.dead_reckoning[j], recording.dead_reckoning[k]
-    if recording.source == "odometry":
+    if recording.source != "ins":
         return se2.compose(pose_j, se2.between(before, after))
     step = after - before
     if calibration is not None:
@@ -42,8 +50,12 @@ def predict(
 def step_covariance(recording: Recording, j: int, k: int) -> Array:
     """Covariance ``(3, 3)`` of the recorded increment from scan j to k.
 
-    For an INS of additive world-frame errors (x, y, yaw); for odometry in the body frame of scan k.
+    For an INS of additive world-frame errors (x, y, yaw); for odometry in the body frame of scan k. Without
+    dead reckoning it is as wide as a robot can have come in that time.
     """
+    if recording.source == "none":
+        seconds = max(abs(float(recording.time[k] - recording.time[j])), SHORTEST)
+        return np.diag([SPEED_SIGMA, SPEED_SIGMA, TURN_SIGMA]) ** 2 * seconds**2
     step = se2.between(recording.dead_reckoning[j], recording.dead_reckoning[k])
     path, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
     if recording.source == "ins":
@@ -62,6 +74,18 @@ def map_covariance(recording: Recording, j: int, k: int, pose_k: Array) -> Array
     turned = np.eye(3)
     turned[:2, :2] = se2.rotation(pose_k[2])
     return turned @ covariance @ turned.T
+
+
+def lost_covariance(recording: Recording, sure: int, last: int, k: int, pose_k: Array) -> Array:
+    """What scan k adds in its body frame to the covariance at scan ``last`` of a robot that was last matched
+    at scan ``sure``.
+
+    The errors of dead reckoning's steps are independent; without dead reckoning they are one: a speed.
+    """
+    step = body_covariance(recording, last, k, pose_k)
+    if recording.source != "none" or last == sure:
+        return step
+    return np.maximum(step_covariance(recording, sure, k) - step_covariance(recording, sure, last), step)
 
 
 def body_covariance(recording: Recording, j: int, k: int, pose_k: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from slam import se2
 from slam.se2 import Array
 
-Source = Literal["ins", "odometry"]
+Source = Literal["ins", "odometry", "none"]
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class Recording:
     ``ranges (N, B)`` m with NaN for a beam without return, ``angles (B,)`` rad increasing
     counter-clockwise in the laser frame, ``dead_reckoning (N, 3)`` robot poses at the scans. With
     ``source="ins"`` position increments live in the INS's own world frame; with ``"odometry"`` in the
-    body frame. ``attitude (N, 2)`` is (roll, pitch) rad as the INS says, ``truth (N, 3)`` robot poses of
-    a simulator or tracker.
+    body frame; with ``"none"`` there is no dead reckoning, and its poses are all the same. ``attitude
+    (N, 2)`` is (roll, pitch) rad as the INS says, ``truth (N, 3)`` robot poses of a simulator or tracker.
 
     Raises ``ValueError`` when shapes disagree or a value that must be finite is not.
     """
@@ -102,6 +102,8 @@ class Recording:
             raise ValueError("angles must increase (counter-clockwise)")
         if self.source not in get_args(Source):
             raise ValueError(f"source: expected one of {get_args(Source)}, got {self.source!r}")
+        if self.source == "none" and np.any(self.dead_reckoning != self.dead_reckoning[0]):
+            raise ValueError("dead_reckoning: expected one pose for all scans, the source being 'none'")
         for name, width in (("attitude", 2), ("truth", 3)):
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _checked(name, value, (n, width)))
@@ -115,6 +117,13 @@ class Recording:
     def distance(self) -> float:
         """Distance driven [m]: along the truth where there is one, else along the dead reckoning."""
         return float(se2.path_length(self.dead_reckoning if self.truth is None else self.truth)[-1])
+
+    def without_dead_reckoning(self) -> Recording:
+        """The same drive, its laser alone having watched: dead reckoning says nothing.
+
+        The full-rate odometry stays: relations are scored with it, and no method reads it.
+        """
+        return replace(self, dead_reckoning=np.zeros((len(self), 3)), source="none")
 
     def with_relations(self, relations: Relations) -> Recording:
         """The same drive, to be scored against these relations."""

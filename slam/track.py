@@ -41,5 +41,11 @@ class Track:
     matches: np.ndarray
     confidence: dict[str, Array]
 
+    @property
+    def matched_share(self) -> float:
+        """Share of the scans that were tried whose match was believed; 1 where none was tried."""
+        tried = self.verdict != Verdict.SKIPPED
+        return float(np.mean(self.verdict[tried] == Verdict.MATCHED)) if np.any(tried) else 1.0
+
     def __len__(self) -> int:
         return len(self.poses)

@@ -25,6 +25,7 @@ _RELATION = "Walls and free space; a relation is judged by poses carried between
 _CLEAR = "The same, and the relations it leaves out: those come from stretches where the log is densest."
 _MAP = "Which way the map is bent, what no beam ever hit, and walls drawn twice within a cell."
 _STITCH = "Good stitches that were never tried; a stitch is judged at the first scans of its two segments."
+_LATENCY = "How long a scan waits for those before it when these take longer than the next one needs to come."
 _COST = "Other programs running on the same machine, and compilation on a first run."
 
 
@@ -83,6 +84,15 @@ DEFINITIONS: dict[str, Definition] = {
     "stitches_tried": Definition("", None, "pairs of pieces that were tried", _STITCH),
     "stitches_accepted": Definition("", None, "stitches the final map rests on", _STITCH),
     "stitches_false": Definition("", "lower", "accepted and off by more than 0.3 m or 2°", _STITCH),
+    "ate_online": Definition(
+        "m",
+        "lower",
+        "position error after SE(2) alignment of each pose as given when its scan arrived, RMSE",
+        "How far a pose that was given early jumped when a loop closed later.",
+    ),
+    "latency_median": Definition("ms", "lower", "from a scan's arrival to its pose, median", _LATENCY),
+    "latency_p99": Definition("ms", "lower", "from a scan's arrival to its pose, 99th percentile", _LATENCY),
+    "latency_max": Definition("ms", "lower", "from a scan's arrival to its pose, longest", _LATENCY),
     "wall_s": Definition("s", "lower", "wall time", _COST),
     "scans_per_s": Definition("1/s", "higher", "scans per second of wall time", _COST),
     "peak_mb": Definition(

@@ -9,6 +9,7 @@ from typing import Literal
 from scenarios.evaluation.definitions import DEFINITIONS
 
 Better = Literal["lower", "higher"]
+COST = ("wall_s", "scans_per_s", "peak_mb")
 
 
 @dataclass(frozen=True)

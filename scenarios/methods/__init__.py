@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scenarios.estimate import Estimate
+    from scenarios.estimate import Estimate, NoEstimate
     from scenarios.methods.config import MethodConfig
     from slam.recording import Recording
 
@@ -17,6 +17,7 @@ def ins(recording: Recording, config: MethodConfig) -> Estimate:
     """Dead reckoning exactly as recorded."""
     from scenarios.estimate import Estimate
 
+    _refuse_without_dead_reckoning("ins", recording)
     return Estimate("ins", recording.dead_reckoning)
 
 
@@ -34,6 +35,7 @@ def wsm(recording: Recording, config: MethodConfig) -> Estimate:
     from scenarios.estimate import Estimate
     from slam.frontend import track
 
+    _refuse_without_dead_reckoning("wsm", recording)
     found = track(recording, config.manifold)
     return Estimate("wsm", found.poses, track=found)
 
@@ -42,12 +44,20 @@ def htms(recording: Recording, config: MethodConfig) -> Estimate:
     """The report's Hough-transform based map stitching of the pieces of ManifoldSLAM's map."""
     from scenarios.methods.htms import stitch_in_sequence
 
+    _refuse_without_dead_reckoning("htms", recording)
     return stitch_in_sequence(recording, config)
 
 
 def slamstitch(recording: Recording, config: MethodConfig) -> Estimate:
     """Ours: local maps, cuts, joint stitching, a robust pose graph and a bundle."""
     from scenarios.methods.slamstitch import run
+
+    return run(recording, config)
+
+
+def slamstitch_online(recording: Recording, config: MethodConfig) -> Estimate:
+    """Ours scan by scan: each pose from the scans until then, by iSAM2."""
+    from scenarios.methods.online import run
 
     return run(recording, config)
 
@@ -59,14 +69,52 @@ def oracle(recording: Recording, config: MethodConfig) -> Estimate:
     return run(recording, config)
 
 
-METHODS: dict[str, Method] = {method.__name__: method for method in (ins, icp, wsm, htms, slamstitch, oracle)}
+METHODS: dict[str, Method] = {
+    method.__name__: method for method in (ins, icp, wsm, htms, slamstitch, slamstitch_online, oracle)
+}
 """Name → method."""
 
 SEES_TRUTH = ("oracle",)
 """Methods that refuse a recording without truth."""
 
-FAIR: tuple[str, ...] = tuple(name for name in METHODS if name not in SEES_TRUTH)
+ONLINE = "slamstitch_online"
+"""The method that answers scan by scan."""
+
+FAIR: tuple[str, ...] = tuple(name for name in METHODS if name not in (*SEES_TRUTH, ONLINE))
 """Methods that know what a robot knows: those that run when nobody asks for others."""
+
+NEEDS_DEAD_RECKONING = {
+    "ins": "the recording has no dead reckoning",
+    "wsm": "ManifoldSLAM starts every match at the dead-reckoned pose, and the recording has none",
+    "htms": "it stitches ManifoldSLAM's map, which needs dead reckoning, and the recording has none",
+}
+"""Methods that have no answer for a recording without dead reckoning, and why."""
+
+LEAST_MATCHED = 0.5
+"""Share of the scans that must have been matched where nothing else tells how the robot moved."""
 
 REHEARSED_AS = {"oracle": "slamstitch"}
 """A rehearsal knows no truth: who loads the kernels of a method that sees it."""
+
+
+def answer(name: str, recording: Recording, config: MethodConfig) -> Estimate | NoEstimate:
+    """What a method says of a recording, or why it has nothing to say."""
+    from scenarios.estimate import NoEstimate
+
+    if recording.source != "none":
+        return METHODS[name](recording, config)
+    if name in NEEDS_DEAD_RECKONING:
+        return NoEstimate(name, NEEDS_DEAD_RECKONING[name])
+    found = METHODS[name](recording, config)
+    share = 1.0 if found.track is None else found.track.matched_share
+    if share >= LEAST_MATCHED:
+        return found
+    least = f"less than the {LEAST_MATCHED:.0%} it takes to map a drive without dead reckoning"
+    return NoEstimate(name, f"{share:.0%} of the scans could be matched, {least}")
+
+
+def _refuse_without_dead_reckoning(name: str, recording: Recording) -> None:
+    from scenarios.cli import BadInput
+
+    if recording.source == "none":
+        raise BadInput(f"{name}: {NEEDS_DEAD_RECKONING[name]}")

@@ -83,9 +83,13 @@ def parse(text: str, path: Path) -> Recording:
     scans, odometry = np.array(log.scans), np.array(log.odometry)
     laser = _laser(log, ranges, scans)
     ranges[(ranges >= laser.range_max) | (ranges < laser.range_min)] = np.nan
-    full_rate = None
+    full_rate = attitude = None
     if len(odometry) > len(scans):
         full_rate = Odometry(time=odometry[:, 0], poses=odometry[:, 1:], scan_row=np.array(log.scan_row))
+    if log.source != "odometry" and log.attitude.times:
+        attitude = log.attitude.at_scans(scans[:, 0])
+    if log.source == "none" and np.any(scans[:, 4:7] != scans[0, 4:7]):
+        raise FormatError(f"{DEAD_RECKONING} is 'none', expected one robot pose in all scans", path)
     return Recording(
         name=recording_name(path),
         time=scans[:, 0],
@@ -95,7 +99,7 @@ def parse(text: str, path: Path) -> Recording:
         dead_reckoning=scans[:, 4:7],
         source=log.source,
         odometry=full_rate,
-        attitude=log.attitude.at_scans(scans[:, 0]) if log.source == "ins" and log.attitude.times else None,
+        attitude=attitude,
         truth=log.truth.at_scans(scans[:, 0]) if log.truth.times else None,
     )
 
@@ -151,7 +155,7 @@ def _pose_lines(recording: Recording, k: int, stamp: float) -> list[str]:
     if recording.truth is not None:
         poses = _spaced(*recording.truth[k], *recording.dead_reckoning[k])
         lines.append(f"TRUEPOS {poses} {_stamped(stamp)}")
-    if recording.source == "ins" and recording.attitude is not None:
+    if recording.source != "odometry" and recording.attitude is not None:
         roll, pitch = recording.attitude[k].tolist()
         turned = _spaced(*quaternion.from_angles(roll, pitch, float(recording.dead_reckoning[k, 2])))
         lines.append(f"IMU 0 0 0 {turned} 0 0 0 0 0 0 {_stamped(stamp)}")

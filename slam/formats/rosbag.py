@@ -60,7 +60,7 @@ def read(path: str | PathLike[str]) -> Recording:
     Of several topics of one type that of our own bags is read, else the first by name; ``/ground_truth`` is
     the truth, ``/ins`` the dead reckoning of an INS. It is interpolated at the scans, and kept at its full
     rate where there is more of it. The mount comes from ``/tf_static``, and is zero where that does not lead
-    from the laser to the robot. Raises `FormatError`.
+    from the laser to the robot. Without any odometry there is no dead reckoning. Raises `FormatError`.
     """
     path = Path(path)
     bag = _Bag(path)
@@ -69,7 +69,7 @@ def read(path: str | PathLike[str]) -> Recording:
     if bag.scan is None:
         raise FormatError(f"no {SCAN_TYPE}, expected at least one", path)
     if not bag.reckoned.times:
-        raise FormatError(f"no {ODOMETRY_TYPE}, expected dead reckoning", path)
+        bag.source = "none"
     time, angles = np.array(bag.times), _angles(bag.scan)
     order = np.argsort(angles)
     try:
@@ -79,10 +79,10 @@ def read(path: str | PathLike[str]) -> Recording:
             ranges=_ranges(bag)[:, order],
             angles=angles[order],
             laser=_laser(bag),
-            dead_reckoning=bag.reckoned.at_scans(time),
+            dead_reckoning=bag.reckoned.at_scans(time) if bag.reckoned.times else np.zeros((len(time), 3)),
             source=bag.source,
             odometry=_full_rate(bag.reckoned, len(time)),
-            attitude=bag.attitude.at_scans(time) if bag.source == "ins" and bag.attitude.times else None,
+            attitude=bag.attitude.at_scans(time) if bag.source != "odometry" and bag.attitude.times else None,
             truth=bag.truth.at_scans(time) if bag.truth.times else None,
         )
     except FormatError:
@@ -207,7 +207,7 @@ def _laser(bag: _Bag) -> Laser:
             break
         frame, T_parent = bag.parents[frame]
         T = T_parent @ T
-    if frame != bag.base:
+    if bag.base and frame != bag.base:
         T = np.eye(4)
     if T[2, 2] < np.cos(LEVEL):
         raise FormatError("the laser is mounted tilted or upside down, expected a level one", bag.path)

@@ -120,7 +120,7 @@ class _Messages:
     def of(self, recording: Recording) -> Iterator[tuple[str, float, Any]]:
         """Topic, stamp [s] and message, in the order in which the robot would have logged them."""
         odometry = recording.odometry
-        if odometry is None:
+        if odometry is None or recording.source == "none":
             odometry = Odometry(recording.time, recording.dead_reckoning, np.arange(len(recording)))
         start = float(recording.time[0])
         yield TF_STATIC, start, self._tf(start, BASE, LASER, recording.laser.T_robot_laser)
@@ -138,6 +138,8 @@ class _Messages:
         yield from self._motion(recording.source, odometry, said, len(odometry.time))
 
     def _motion(self, source: str, odometry: Odometry, start: int, stop: int) -> Iterator[Any]:
+        if source == "none":
+            return
         topic = INS if source == "ins" else ODOMETRY
         for time, pose in zip(odometry.time[start:stop].tolist(), odometry.poses[start:stop], strict=True):
             yield topic, time, self._odometry(time, START, pose)

@@ -117,7 +117,8 @@ def write(path: str | PathLike[str], recording: Recording) -> None:
         if recording.truth is not None:
             x, y, yaw = recording.truth[k]
             lines.append(_pose_line(stamp, "GroundTruth", (x, y, 0.0, 0.0, 0.0, yaw)))
-        lines.append(_dead_reckoning_line(stamp, recording, k))
+        if recording.source != "none":
+            lines.append(_dead_reckoning_line(stamp, recording, k))
         beams = ",".join([f"{r:.{RANGE_DECIMALS}f}" for r in ranges[k].tolist()])
         lines.append(f"SEN {stamp} {{Type RangeScanner}} {shape} {{Range {beams}}}")
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -250,7 +251,7 @@ def _dead_reckoning(log: _Log, time: Array) -> tuple[Source, Array]:
         return "ins", log.poses["INS"].at_scans(time)
     if log.poses["Odometry"].times:
         return "odometry", log.poses["Odometry"].at_scans(time)
-    raise FormatError("no dead reckoning, expected SEN {Type INS} or {Type Odometry}", log.path)
+    return "none", np.zeros((len(time), 3))
 
 
 def _planar(values: Array) -> Array:

@@ -9,7 +9,7 @@ import pytest
 
 from scenarios.cli import BadInput
 from scenarios.estimate import Estimate, TriedStitch
-from scenarios.methods import FAIR, METHODS, SEES_TRUTH
+from scenarios.methods import FAIR, METHODS, ONLINE, SEES_TRUTH
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import BACK_ENDS, Closed, LoopConfig, settled, with_false, with_stitches
 from scenarios.methods.oracle import failures, with_true_failures
@@ -206,7 +206,7 @@ def test_who_needs_the_truth_says_so_in_one_line(name: str) -> None:
 
 
 def test_nobody_is_told_the_truth_unasked() -> None:
-    assert set(METHODS) == {*FAIR, *SEES_TRUTH}
+    assert set(METHODS) == {*FAIR, *SEES_TRUTH, ONLINE}
     assert Options().methods.split(",") == list(FAIR)
 
 

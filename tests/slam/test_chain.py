@@ -154,3 +154,13 @@ def test_a_single_row(hand_made: HandMade) -> None:
         graph = chain.backbone(reckoned(source), tracked(hand_made, Verdict.MATCHED), np.array([0]))
         assert len(graph.edges) == 0
         np.testing.assert_allclose(optimise(graph).poses, graph.poses, atol=1e-12)
+
+
+def test_without_dead_reckoning_a_weak_tie_to_the_poses_holds_the_graph_together() -> None:
+    recording, poses = reckoned("none", np.zeros((N, 3))), drive()
+    graph = chain.reckoning(recording, poses, ROWS)
+    assert graph.world_steps is None
+    np.testing.assert_allclose(graph.T_ij, se2.between(poses[ROWS[:-1]], poses[ROWS[1:]]))
+    sigma = np.sqrt(1.0 / graph.information[:, 0, 0])
+    seconds = np.diff(recording.time[ROWS])
+    np.testing.assert_allclose(sigma, 10.0 * dead_reckoning.SPEED_SIGMA * seconds)

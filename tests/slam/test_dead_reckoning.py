@@ -127,3 +127,18 @@ def test_simulated_ins_errors_fit_the_model(room: Array, record: Callable[..., R
     errors = [dead_reckoning.predict(drifted, k, k + 1, truth[k]) - truth[k + 1] for k in range(399)]
     nees = np.mean([e @ np.linalg.solve(P, e) for e, P in zip(errors, steps, strict=True)]) / 3.0
     assert nees == pytest.approx(1.0, abs=0.15)
+
+
+def test_without_dead_reckoning_the_robot_stands_the_less_surely_the_longer() -> None:
+    n = 6
+    recording = Recording(
+        "r", 0.5 * np.arange(n), np.ones((n, 3)), np.arange(3), Laser(), np.zeros((n, 3)), "none"
+    )
+    pose = np.array([1.0, 2.0, 0.5])
+    np.testing.assert_array_equal(dead_reckoning.predict(recording, 0, 3, pose), pose)
+    one, three = (dead_reckoning.step_covariance(recording, 0, k) for k in (1, 3))
+    np.testing.assert_allclose(one, np.diag([0.25, 0.25, 0.25]) ** 2)
+    np.testing.assert_allclose(three, 9.0 * one)
+    assert dead_reckoning.step_covariance(recording, 2, 2)[0, 0] > 0.0
+    lost = [dead_reckoning.lost_covariance(recording, 0, k - 1, k, pose) for k in range(1, n)]
+    np.testing.assert_allclose(sum(lost), dead_reckoning.step_covariance(recording, 0, n - 1), atol=1e-12)

@@ -188,3 +188,11 @@ def test_csail(shared_data: Path) -> None:
     assert recording.laser.T_robot_laser.tolist() == [0, 0, 0]
     assert recording.odometry is not None
     assert len(recording.odometry.time) == 1987
+
+
+def test_none_is_said_of_one_pose_only() -> None:
+    said = "PARAM slamstitch_dead_reckoning none 0 slamstitch 0\n"
+    scans = [flaser(float(k), [1.0] * 181, f"{x} 0 0", f"{x} 0 0") for k, x in enumerate((2.0, 2.0, 2.5))]
+    assert parse(said + scans[0] + scans[1]).source == "none"
+    with pytest.raises(FormatError, match="slamstitch_dead_reckoning is 'none', expected one robot pose"):
+        parse(said + "".join(scans))

@@ -141,3 +141,26 @@ def test_formats_load_without_heavy_imports() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def flaser(k: int, ranges: np.ndarray, x: float) -> str:
+    return f"FLASER 181 {' '.join(f'{r:.2f}' for r in ranges)} {x} 0 0 {x} 0 0 {k}.0 host {k}.0\n"
+
+
+def test_dead_reckoning_that_never_changes_while_the_scans_do_is_none(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    moving = [2.0 + 0.1 * k * np.ones(181) for k in range(8)]
+    path.write_text("".join(flaser(k, ranges, 0.0) for k, ranges in enumerate(moving)))
+    assert load(path).source == "none"
+    path.write_text("".join(flaser(k, ranges, 0.1 * k) for k, ranges in enumerate(moving)))
+    assert load(path).source == "odometry"
+
+
+def test_a_robot_at_rest_has_dead_reckoning(tmp_path: Path) -> None:
+    """Somebody walks through a quarter of its view; once it is blinded altogether."""
+    path = tmp_path / "a.log"
+    ranges = np.full((10, 181), 5.0)
+    ranges[3:, 20:65] = 1.0
+    ranges[5] = 0.3
+    path.write_text("".join(flaser(k, row, 0.0) for k, row in enumerate(ranges)))
+    assert load(path).source == "odometry"

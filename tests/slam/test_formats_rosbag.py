@@ -219,9 +219,6 @@ def test_bags_that_say_too_little(tmp_path: Path) -> None:
     with Bag(tmp_path / "empty"):
         pass
     refused(tmp_path / "empty", "no sensor_msgs/msg/LaserScan")
-    with Bag(tmp_path / "still") as bag:
-        bag.scan(1.0)
-    refused(tmp_path / "still", "no nav_msgs/msg/Odometry")
     with Bag(tmp_path / "blind") as bag:
         bag.odometry(1.0, 0.0)
     refused(tmp_path / "blind", "no sensor_msgs/msg/LaserScan")
@@ -288,3 +285,20 @@ def test_without_rosbags_the_way_to_install_it_is_named(tmp_path: Path) -> None:
     assert done.stdout.strip().endswith(
         "a ROS 2 bag needs the package rosbags: pip install 'slamstitch[ros]'"
     )
+
+
+def test_a_bag_without_odometry_has_no_dead_reckoning(tmp_path: Path) -> None:
+    """Its mount leads as far as the transforms do."""
+    with Bag(tmp_path / "alone") as bag:
+        bag.link("base_link", "laser", (0.2, 0.0, 0.0))
+        bag.scan(1.0)
+        bag.scan(1.2)
+    found = load(tmp_path / "alone")
+    assert found.source == "none"
+    np.testing.assert_array_equal(found.dead_reckoning, np.zeros((2, 3)))
+    np.testing.assert_allclose(found.laser.T_robot_laser, [0.2, 0.0, 0.0], atol=1e-9)
+
+
+def test_no_dead_reckoning_is_written_as_none(tmp_path: Path) -> None:
+    rosbag_writer.write(tmp_path / "bag", recording().without_dead_reckoning())
+    assert load(tmp_path / "bag").source == "none"

@@ -161,7 +161,6 @@ def test_last_beam_may_fall_short_of_the_field_of_view() -> None:
             "Robot1.log:10: GroundTruth Orientation: 0 values",
         ),
         (ROOM + "SEN {Type INS} {Location 1,2} {Orientation 1,2,3}", "Robot1.log:10: INS Location: 2 values"),
-        (re.sub(r"SEN \{Type INS.*\n", "", ROOM), "Robot1.log: no dead reckoning"),
         (ROOM.replace("{FOV 3.1416}", ""), "Robot1.log:9: RangeScanner without {FOV"),
         (ROOM.replace("{MaxRange 4.0000}", "{MaxRange 0.05}"), "MinRange 0.1, MaxRange 0.05, expected"),
         (re.sub(r"\{Time [0-9.]+\} ", "", ROOM), "Robot1.log: no time stamps"),
@@ -171,6 +170,13 @@ def test_bad_input_is_named_in_one_line(text: str, message: str) -> None:
     with pytest.raises(FormatError, match=message) as caught:
         parse(text)
     assert "\n" not in str(caught.value)
+
+
+def test_a_log_without_ins_and_odometry_has_no_dead_reckoning() -> None:
+    recording = parse(re.sub(r"SEN \{Type INS.*\n", "", ROOM))
+    assert recording.source == "none"
+    np.testing.assert_array_equal(recording.dead_reckoning, np.zeros((len(recording), 3)))
+    assert recording.attitude is None
 
 
 def occupied_cells(recording: Recording, angles: np.ndarray, mount: np.ndarray) -> int:

@@ -202,3 +202,11 @@ def test_damaged_logs_of_ours_are_refused(
     (tmp_path / "a.log").write_text(text.replace(old, new, 1))
     with pytest.raises(FormatError, match=message):
         load(tmp_path / "a.log")
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_without_dead_reckoning(form: str, tmp_path: Path) -> None:
+    found = written(form, tmp_path, recording().without_dead_reckoning())
+    assert found.source == "none"
+    np.testing.assert_array_equal(found.dead_reckoning, np.zeros((SCANS, 3)))
+    assert_poses_equal(found.truth, recording().truth)

@@ -11,8 +11,9 @@ import pytest
 
 from slam import dead_reckoning, se2
 from slam.confidence import MEASURES
-from slam.frontend import MANIFOLD_SLAM, FrontendConfig, tilted_scans, track
+from slam.frontend import MANIFOLD_SLAM, FrontendConfig, Tracker, tilted_scans, track
 from slam.recording import Recording
+from slam.scan import scans_of
 from slam.se2 import Array
 from slam.track import Track, Verdict
 
@@ -66,8 +67,9 @@ def assert_consistent(found: Track) -> None:
     assert np.all(found.information[~matched] == 0.0)
     assert np.all(np.linalg.eigvalsh(found.information[matched])[:, -1] > 0.0)
     assert set(found.confidence) == set(MEASURES)
-    for column in found.confidence.values():
-        np.testing.assert_array_equal(np.isnan(column), skipped)
+    for name, column in found.confidence.items():
+        if name != "tilt":  # not every recording tells the attitude
+            np.testing.assert_array_equal(np.isnan(column), skipped)
 
 
 # Drives in a room
@@ -386,3 +388,69 @@ def test_memory_does_not_grow_with_the_drive(room: Array, record: Record) -> Non
 def _cut(recording: Recording, n: int) -> dict[str, object]:
     """The first n scans' worth of everything that has one row for each."""
     return {name: getattr(recording, name)[:n] for name in ("time", "ranges", "dead_reckoning", "truth")}
+
+
+# Scan by scan
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_a_step_sees_nothing_of_what_comes_later(room: Array, record: Record, name: str) -> None:
+    truth = curve()
+    recording = record(room, truth, ins(truth), source="ins")
+    whole = track(recording, CONFIGS[name])
+    tracker = Tracker(recording, CONFIGS[name], np.zeros(len(truth), dtype=bool))
+    for k, scan in enumerate(scans_of(recording)[:12]):
+        tracker.step(scan)
+        np.testing.assert_array_equal(tracker.poses, whole.poses[: k + 1])
+    part = tracker.track(since=4)
+    np.testing.assert_array_equal(part.poses, whole.poses[4:12])
+    np.testing.assert_array_equal(part.verdict, whole.verdict[4:12])
+    for measure, column in part.confidence.items():
+        np.testing.assert_array_equal(column, whole.confidence[measure][4:12])
+
+
+def test_a_causal_median_of_the_tilt(room: Array, record: Record) -> None:
+    """A fall tilts until half of the window is fallen; what comes later changes nothing."""
+    attitude = np.zeros((25, 2))
+    attitude[10:, 0] = 0.2
+    recording = record(room, straight(), attitude=attitude)
+    tilted = tilted_scans(recording, np.radians(5.0), 7, centred=False)
+    np.testing.assert_array_equal(np.flatnonzero(tilted), [10, 11, 12])
+    np.testing.assert_array_equal(np.flatnonzero(tilted_scans(recording, np.radians(5.0), 7)), [])
+    for n in range(1, 25):
+        short = record(room, straight(n), attitude=attitude[:n])
+        np.testing.assert_array_equal(tilted_scans(short, np.radians(5.0), 7, centred=False), tilted[:n])
+
+
+# No dead reckoning
+
+
+def test_the_laser_alone_follows_a_curve(room: Array, record: Record, rms: Rms) -> None:
+    recording = record(room, curve()).without_dead_reckoning()
+    found = track(recording)
+    assert_consistent(found)
+    assert found.matched_share == 1.0
+    np.testing.assert_array_equal(found.poses[0], np.zeros(3))
+    assert rms(found.poses, curve()) < 0.02
+
+
+def test_large_steps_are_searched_for(room: Array, record: Record, rms: Rms) -> None:
+    """Half a metre and 15° from scan to scan, three seconds apart."""
+    truth = np.column_stack(
+        [1.5 + 0.5 * np.arange(8), 2.9 + 0.1 * np.arange(8), np.radians(15.0) * np.tile([0, 1], 4)]
+    )
+    recording = record(room, truth).without_dead_reckoning()
+    found = track(replace(recording, time=3.0 * np.arange(8)))
+    assert rms(found.poses, truth) < 0.05
+
+
+def test_lost_for_long_it_begins_a_new_map_and_is_less_and_less_sure(room: Array, record: Record) -> None:
+    truth = np.concatenate([straight(10), straight(12) + np.array([2.5, -0.9, 0.0])])
+    recording = record(room, np.concatenate([truth[:10], np.tile(truth[10], (12, 1)), truth[10:]]))
+    ranges = recording.ranges.copy()
+    ranges[10:22] = np.nan
+    found = track(replace(recording.without_dead_reckoning(), ranges=ranges))
+    assert np.all(found.verdict[10:22] == Verdict.FELL_BACK)
+    assert np.all(found.verdict[24:] == Verdict.MATCHED)
+    steps = se2.between(found.poses[24], found.poses[25:])
+    np.testing.assert_allclose(steps, se2.between(truth[12], truth[13:]), atol=0.03)

@@ -124,3 +124,13 @@ def test_changes_make_another_recording() -> None:
 
 def test_two_lasers_do_not_share_a_mount() -> None:
     assert Laser().T_robot_laser is not Laser().T_robot_laser
+
+
+def test_no_dead_reckoning_is_one_pose() -> None:
+    poses = np.array([[0, 0, 0], [3, 4, 0], [3, 4, 1]], dtype=float)
+    with pytest.raises(ValueError, match="dead_reckoning: expected one pose for all scans"):
+        recording(dead_reckoning=poses, source="none")
+    without = recording(dead_reckoning=poses, truth=poses).without_dead_reckoning()
+    assert without.source == "none"
+    np.testing.assert_array_equal(without.dead_reckoning, np.zeros((3, 3)))
+    np.testing.assert_array_equal(without.truth, poses)

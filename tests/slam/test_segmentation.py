@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slam.confidence import MEASURES
 from slam.se2 import Array
-from slam.segmentation import Segment, SegmentationConfig, lost_steps, segments
+from slam.segmentation import THRESHOLDS, Segment, SegmentationConfig, lost_steps, segments
 from slam.track import Track, Verdict
 
 quick = settings(deadline=None, max_examples=100, derandomize=True)
@@ -175,3 +176,44 @@ def test_bounds_are_plain_integers(confident: Confident) -> None:
     (segment,) = segments(confident([NAN, 1, 1]))
     assert segment == Segment(0, 3)
     assert type(segment.start) is type(segment.stop) is int
+
+
+# Hysteresis, and the thresholds that were learnt
+
+
+def test_hysteresis_holds_until_the_release(confident: Confident) -> None:
+    drive = confident([NAN, 1, 5, 3, NAN, 3, 2, 3, 1, INF, 3, 1])
+    rule = SegmentationConfig(rule="threshold", threshold=4.0, release=2.0)
+    np.testing.assert_array_equal(np.flatnonzero(lost_steps(drive, rule)), [2, 3, 5, 9, 10])
+    # Without hysteresis the same threshold cuts what exceeds it, and no more.
+    assert np.flatnonzero(
+        lost_steps(drive, SegmentationConfig(rule="threshold", threshold=4.0))
+    ).tolist() == [
+        2,
+        9,
+    ]
+
+
+@given(st.lists(st.sampled_from([NAN, 0.0, 1.0, 2.0, 3.0, INF]), min_size=2, max_size=30))
+@quick
+def test_hysteresis_against_a_slow_twin(confident: Confident, trace: list[float]) -> None:
+    drive = confident(trace)
+    rule = SegmentationConfig(rule="threshold", threshold=2.0, release=1.0)
+    expected, holding = [], False
+    for value in trace:
+        if np.isnan(value):
+            expected.append(False)
+            continue
+        holding = value > 2.0 or (holding and value > 1.0)
+        expected.append(holding)
+    assert lost_steps(drive, rule).tolist() == expected
+
+
+def test_a_release_above_the_threshold_is_refused() -> None:
+    with pytest.raises(ValueError, match="release"):
+        SegmentationConfig(rule="threshold", threshold=1.0, release=1.5)
+
+
+def test_every_measure_has_a_threshold_that_was_learnt() -> None:
+    assert set(THRESHOLDS) == set(MEASURES)
+    assert THRESHOLDS["zero_match"] == THRESHOLDS["zero_run2"] == INF  # the report's rules, as they are
