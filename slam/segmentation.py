@@ -11,6 +11,30 @@ from slam.track import Track, Verdict
 
 Rule = Literal["each_zero", "zero_run", "threshold"]
 
+THRESHOLDS: dict[str, float] = {
+    "trace2": 8.661e-05,
+    "det2": 1.519e-09,
+    "neg_matches": -30.5,
+    "zero_match": np.inf,
+    "zero_run2": np.inf,
+    "neg_match_share": -0.3697,
+    "a_opt": 0.002862,
+    "d_opt": 0.0006827,
+    "e_opt": 0.009739,
+    "degeneracy": -1.314e04,
+    "residual_rms": 1.019,
+    "residual_p90": 0.1537,
+    "misfit": 3.648,
+    "innovation": 128,
+    "tilt": 0.3492,
+    "iterations": 32.5,
+    "combined": -0.2668,
+}
+"""Of a measure: above it a step is more likely lost than worth keeping (best F1).
+
+Learnt by ``python -m scenarios.ablate confidence`` from drives that no measure is compared on.
+"""
+
 
 @dataclass(frozen=True)
 class Segment:
@@ -24,14 +48,21 @@ class Segment:
 class SegmentationConfig:
     """``each_zero`` cuts at every step without matches (the report's Experiment 1), ``zero_run`` only at
     ``run`` or more of them in a row (Experiment 2), ``threshold`` where ``measure`` exceeds ``threshold``
-    or failed. Segments of fewer than ``least_steps`` matched steps are discarded.
+    or failed, and from there on until it is down to ``release`` (hysteresis; None: none). Segments of fewer
+    than ``least_steps`` matched steps are discarded. Raises ``ValueError`` for a release above the
+    threshold.
     """
 
     rule: Rule = "each_zero"
     run: int = 2
     measure: str = "trace2"
     threshold: float = np.inf
+    release: float | None = None
     least_steps: int = 1
+
+    def __post_init__(self) -> None:
+        if self.release is not None and not self.release <= self.threshold:
+            raise ValueError(f"release: expected at most the threshold {self.threshold}, got {self.release}")
 
 
 def lost_steps(track: Track, config: SegmentationConfig = SegmentationConfig()) -> np.ndarray:
@@ -44,7 +75,8 @@ def lost_steps(track: Track, config: SegmentationConfig = SegmentationConfig()) 
     column = track.confidence[config.measure]
     zero = np.isposinf(column)
     if config.rule == "threshold":
-        return zero | (column > config.threshold)
+        lost = zero | (column > config.threshold)
+        return lost if config.release is None else _held(lost, column, config.release)
     if config.rule == "each_zero":
         return zero
     tried = np.flatnonzero(~np.isnan(column))
@@ -58,15 +90,30 @@ def lost_steps(track: Track, config: SegmentationConfig = SegmentationConfig()) 
 def segments(track: Track, config: SegmentationConfig = SegmentationConfig()) -> tuple[Segment, ...]:
     """Stretches of the drive between losses; the lost steps belong to none, scans skipped at rest follow
     them."""
-    lost = lost_steps(track, config)
-    resting = track.verdict == Verdict.SKIPPED
-    inside = np.zeros(len(track), dtype=bool)
+    return between(lost_steps(track, config), track.verdict == Verdict.SKIPPED, config.least_steps)
+
+
+def between(lost: np.ndarray, resting: np.ndarray, least_steps: int = 1) -> tuple[Segment, ...]:
+    """Stretches between the ``lost (N,)`` scans that have at least so many steps; those that were
+    ``resting (N,)`` are none, and follow the one before."""
+    inside = np.zeros(len(lost), dtype=bool)
     steady = True
-    for k in range(len(track)):
+    for k in range(len(lost)):
         steady = steady if resting[k] else not lost[k]
         inside[k] = steady
     found = [Segment(first, last + 1) for first, last in _runs(inside)]
-    return tuple(s for s in found if np.sum(~resting[s.start : s.stop]) >= config.least_steps)
+    return tuple(s for s in found if np.sum(~resting[s.start : s.stop]) >= least_steps)
+
+
+def _held(lost: np.ndarray, column: np.ndarray, release: float) -> np.ndarray:
+    """Every ``lost (N,)`` step, and those after it until the ``column (N,)`` is down to the release; scans
+    without a value change nothing."""
+    held = lost.copy()
+    holding = False
+    for k in np.flatnonzero(~np.isnan(column)):
+        holding = bool(lost[k]) or (holding and column[k] > release)
+        held[k] = holding
+    return held
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from scenarios.estimate import Estimate
 from scenarios.evaluation.maps import RESOLUTION, cells_found, map_at, occupied_cells, true_map
 from scenarios.evaluation.trajectory import aligned
+from scenarios.report.cuts import cuts
 from scenarios.report.style import (
     BLACK,
     BLUE,
@@ -47,15 +47,15 @@ def maps(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[st
     truth = true_map(recording)
     truth_cells = None if truth is None else occupied_cells(truth)
     drawn = [_cells(recording, estimate) for estimate in estimates]
-    views, aspect = _views([_centres(cells if truth is None else truth_cells) for cells in drawn])
+    shown, aspect = views([_centres(cells if truth is None else truth_cells) for cells in drawn])
     figure, axes = panels(len(estimates), aspect)
-    for ax, estimate, cells, view in zip(axes, estimates, drawn, views, strict=True):
+    for ax, estimate, cells, view in zip(axes, estimates, drawn, shown, strict=True):
         ax.axis(view)
         _draw_walls(ax, cells, truth_cells, _marker_size(ax, view))
         ax.set_title(titles[estimate.method], fontsize=FONT["title"], parse_math=False)
         _tell_of_walls_outside(ax, cells, view)
     if truth_cells is not None:
-        _legend(
+        legend(
             figure, [("wall found", BLACK), ("drawn where there is none", BLUE), ("true wall missed", ORANGE)]
         )
     return figure
@@ -65,9 +65,9 @@ def trajectories(recording: Recording, estimates: Sequence[Estimate], titles: Ma
     """The path of every method, over the true one where there is truth; ``titles`` by method."""
     truth = recording.truth
     paths = [estimate.poses if truth is None else aligned(estimate.poses, truth) for estimate in estimates]
-    views, aspect = _views([path if truth is None else truth for path in paths])
+    shown, aspect = views([path if truth is None else truth for path in paths])
     figure, axes = panels(len(estimates), aspect)
-    for ax, estimate, path, view in zip(axes, estimates, paths, views, strict=True):
+    for ax, estimate, path, view in zip(axes, estimates, paths, shown, strict=True):
         ax.axis(view)
         if truth is not None:
             ax.plot(truth[:, 0], truth[:, 1], color=ORANGE, linewidth=3.0, solid_capstyle="round")
@@ -75,7 +75,7 @@ def trajectories(recording: Recording, estimates: Sequence[Estimate], titles: Ma
         ax.plot(*path[0, :2], marker="o", color=BLUE, markersize=6, linestyle="none")
         ax.set_title(titles[estimate.method], fontsize=FONT["title"], parse_math=False)
     entries = [("estimate", BLACK), ("its start", BLUE)]
-    _legend(figure, entries if truth is None else [("truth", ORANGE), *entries])
+    legend(figure, entries if truth is None else [("truth", ORANGE), *entries])
     return figure
 
 
@@ -98,23 +98,23 @@ def confidence(estimate: Estimate) -> Figure:
     track = estimate.track
     tried = ~np.isnan(track.confidence["trace2"])
     lost = np.flatnonzero(tried & (track.matches == 0))
-    cuts = [(a.stop, b.start - 1) for a, b in itertools.pairwise(estimate.submaps) if a.stop < b.start]
+    gaps = cuts(estimate.submaps)
     figure, axes = grid(len(CONFIDENCE), 1, WIDTH - LEFT - RIGHT, 1.75, 0.0, 0.15)
     for ax, (name, label, scale) in zip(axes, CONFIDENCE, strict=True):
         values = track.matches.astype(float) if name == "matches" else track.confidence[name]
         _confidence_panel(ax, np.flatnonzero(tried), values[tried], lost, scale)
         ax.set_ylabel(label, fontsize=FONT["label"])
-        for first, last in cuts:
+        for first, last in gaps:
             ax.axvspan(first - 0.5, last + 0.5, color=SKY, alpha=0.5, linewidth=1.5, zorder=0)
         ax.set_xlim(-0.5, len(track) - 0.5)
         ax.tick_params(labelbottom=ax is axes[-1])
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
     axes[0].set_title(
-        f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, {len(cuts)} cuts",
+        f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, {len(gaps)} cuts",
         fontsize=FONT["title"],
         parse_math=False,
     )
-    _legend(figure, [("matched step", BLACK), ("step without a match", VERMILLION), ("cut", SKY)])
+    legend(figure, [("matched step", BLACK), ("step without a match", VERMILLION), ("cut", SKY)])
     return figure
 
 
@@ -134,7 +134,7 @@ def _centres(cells: np.ndarray | None) -> Array:
     return np.zeros((0, 2)) if cells is None else (cells + 0.5) * RESOLUTION
 
 
-def _views(drawings: Sequence[Array]) -> tuple[list[View], float]:
+def views(drawings: Sequence[Array]) -> tuple[list[View], float]:
     """What to show of each set of points ``(n, >= 2)`` m, of one height over width, and that ratio."""
     boxes = [_box(points[:, :2]) for points in drawings]
     aspect = float(np.clip(np.median([size[1] / size[0] for _, size in boxes]), 0.3, 2.5))
@@ -169,7 +169,8 @@ def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None, si
         layers = [(truth[~cells_found(truth, cells)], ORANGE), (cells[~found], BLUE), (cells[found], BLACK)]
     for some, colour in layers:
         x, y = _centres(some).T
-        ax.plot(x, y, linestyle="none", marker="s", markersize=size, markeredgewidth=0, color=colour)
+        style: dict[str, Any] = {"linestyle": "none", "marker": "s", "markersize": size, "markeredgewidth": 0}
+        ax.plot(x, y, color=colour, rasterized=True, **style)
 
 
 def _tell_of_walls_outside(ax: Axes, cells: np.ndarray | None, view: View) -> None:
@@ -190,6 +191,8 @@ def _tell_of_walls_outside(ax: Axes, cells: np.ndarray | None, view: View) -> No
 def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarray, scale: str) -> None:
     drawable = np.isfinite(values) & ((values > 0.0) if scale == "log" else True)
     ax.set_yscale(scale)
+    if scale == "log":
+        ax.yaxis.set_major_formatter("{x:.0e}")  # plain text: mathematics take ten times as long to set
     ax.yaxis.set_minor_formatter("")  # less than a decade would label every one of them, over each other
     ax.plot(scans, np.where(drawable, values, np.nan), color=BLACK, linewidth=0.5, marker=".", markersize=2.5)
     if not np.any(drawable):
@@ -210,7 +213,8 @@ def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarr
     ax.grid(axis="y", color=GREY, linewidth=0.4, alpha=0.6)
 
 
-def _legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
+def legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
+    """What each colour means, under the figure: entries (words, colour)."""
     from matplotlib.lines import Line2D
 
     handles = [

@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from scenarios.estimate import Estimate
 from scenarios.evaluation.metric import Metric
-from scenarios.report import figures
-from scenarios.report.style import png
-from scenarios.report.table import tabulate
-from scenarios.report.verdict import headline, verdict
+from scenarios.report.album import Plate
+from scenarios.report.assets import TEMPLATES, script, style
+from scenarios.report.live.packed import picture
+from scenarios.report.live.run import script_safe, told
+from scenarios.report.table import BASELINE, tabulate
+from scenarios.report.verdict import best_method, headline, scores, verdict
 from slam.recording import Recording
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    import jinja2
 
+    from scenarios.stages import Cost
     from sim.record import SimulatedRun
-
-TEMPLATES = Path(__file__).parent / "templates"
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure in the page: PNG as base64, what it shows in words, and its caption."""
-
-    data: str
-    alt: str
-    caption: str
 
 
 def render(
@@ -38,88 +27,58 @@ def render(
     estimates: Sequence[Estimate],
     metrics: Sequence[Metric],
     run: Mapping[str, object],
+    plates: Sequence[Plate] = (),
     simulated: SimulatedRun | None = None,
+    stages: Mapping[str, Cost] | None = None,
 ) -> str:
-    """The page of a run.
+    """The page of a run, with its figures ``plates``.
 
     ``run`` is told as it is, key by key (seed, versions, what else matters); its ``command`` is the command
-    line that made the run. ``simulated`` is what only a simulator knows, for pictures of its world.
+    line that made the run. ``simulated`` is what only a simulator knows, ``stages`` what each stage cost.
     Everything that comes from outside is escaped.
     """
+    from markupsafe import Markup
+
+    judged = headline(metrics)
+    table = tabulate(metrics)
+    best = best_method(metrics) or _shown_first(estimates)
+    live = script_safe(told(recording, estimates, best, simulated)) if estimates else None
+    return environment().get_template("report.html.j2").render(
+        recording=recording,
+        verdict=verdict(metrics, estimates),
+        scores=scores(metrics, list(dict.fromkeys(metric.method for metric in metrics))),
+        judged=judged and judged[1][0].upper() + judged[1][1:],
+        table=table,
+        kinds=table.kinds(),
+        baseline=BASELINE,
+        pictures=[_shown(plate) for plate in plates],
+        command=run.get("command"),
+        run={key: value for key, value in run.items() if key != "command"},
+        stages=stages,
+        told=live and Markup(live),
+        style=Markup(style()),
+        script=Markup(script()),
+    )  # fmt: skip
+
+
+def environment() -> jinja2.Environment:
+    """Templates in which everything is escaped that is not told to be safe."""
     import jinja2
 
-    environment = jinja2.Environment(
+    return jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2").render(
-        recording=recording,
-        verdict=verdict(metrics),
-        table=tabulate(metrics),
-        pictures=pictures(recording, estimates, metrics) + world_pictures(simulated, estimates),
-        command=run.get("command"),
-        run={key: value for key, value in run.items() if key != "command"},
-    )
 
 
-def titles(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> dict[str, str]:
-    """Method -> its name and its score in the metric the run is judged by."""
-    judged = headline(metrics)
-    scores = {m.method: m.value for m in metrics if judged and m.name == judged[0] and m.value is not None}
-    short = {"ate_rmse": "ATE", "relation_trans_mean": "relations"}
-    return {
-        e.method: f"{e.method}\n{short[judged[0]]} {scores[e.method]:.3f} m"
-        if judged and e.method in scores
-        else e.method
-        for e in estimates
-    }
+def _shown_first(estimates: Sequence[Estimate]) -> str | None:
+    """The method to open with where none is scored: ours, else the last."""
+    methods = [estimate.method for estimate in estimates]
+    return "slamstitch" if "slamstitch" in methods else methods[-1] if methods else None
 
 
-def pictures(recording: Recording, estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> list[Picture]:
-    """The figures of a run: maps, trajectories, and the confidence of every method that has a track."""
-    if not estimates:
-        return []
-    names = titles(estimates, metrics)
-    listed = ", ".join(estimate.method for estimate in estimates)
-    over = "" if recording.truth is None else " over truth, after SE(2) alignment"
-    result = [
-        _picture(figures.maps(recording, estimates, names), f"Maps of {listed}{over}", f"Maps{over}."),
-        _picture(
-            figures.trajectories(recording, estimates, names),
-            f"Trajectories of {listed}{over}",
-            f"Trajectories{over}.",
-        ),
-    ]
-    for estimate in estimates:
-        if estimate.track is not None:
-            what = f"Confidence of {estimate.method}'s scan matches over the drive"
-            result.append(_picture(figures.confidence(estimate), what, f"{what}."))
-    return result
-
-
-def world_pictures(simulated: SimulatedRun | None, estimates: Sequence[Estimate]) -> list[Picture]:
-    """The world from above, the drive and where the Weighted Scan Matcher failed; a scan from the side."""
-    if simulated is None:
-        return []
-    from scenarios.report import world
-
-    matcher = next((estimate for estimate in estimates if estimate.method == "wsm"), None)
-    return [
-        _picture(
-            world.from_above(simulated, matcher),
-            "The simulated world from above, the driven path coloured by the robot's tilt",
-            "The world and the drive, coloured by tilt. Shaded: uneven ground (brown) and smoke (grey).",
-        ),
-        _picture(
-            world.from_the_side(simulated),
-            "One tilted scan from the side: where its beams meet the floor or a wall",
-            "The scan with the most nose-down pitch, from the side: what a tilted laser takes for a wall.",
-        ),
-    ]
-
-
-def _picture(figure: Figure, alt: str, caption: str) -> Picture:
-    return Picture(base64.b64encode(png(figure)).decode("ascii"), alt, caption)
+def _shown(plate: Plate) -> dict[str, Any]:
+    return {"data": picture(plate.png), "alt": plate.alt, "caption": plate.caption, "size": plate.size}

@@ -15,17 +15,30 @@ if TYPE_CHECKING:
 
 ARROWS = {"lower": "↓", "higher": "↑", None: ""}
 ABSENT = "–"
+BASELINE = "ins"
+"""The method that the others are compared with: dead reckoning."""
+KINDS = {
+    "trajectory": ("ate", "yaw", "rpe"),
+    "relations": ("relation",),
+    "map": ("map",),
+    "how sure, and is it true": ("anees",),
+    "cuts and stitches": ("segments", "stitches"),
+    "cost": ("wall", "scans", "peak", "latency"),
+}
+"""Headings, and how the names of the metrics under them begin."""
 UNLIMITED = 10_000
 """More columns than a table needs: the terminal may break its lines."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A number as printed, whether it is the best of its row, and the reason where there is none."""
+    """A number as printed, whether it is the best of its row, the reason where there is none, and how it
+    differs from the baseline's."""
 
     text: str
     best: bool = False
     reason: str | None = None
+    versus: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,6 +60,14 @@ class Table:
     methods: tuple[str, ...]
     rows: tuple[Row, ...]
     absent: tuple[tuple[str, tuple[str, ...]], ...]
+
+    def kinds(self) -> list[tuple[str, list[Row]]]:
+        """The rows under the headings of `KINDS`, what is under none of them last."""
+        found: dict[str, list[Row]] = {kind: [] for kind in (*KINDS, "others")}
+        for row in self.rows:
+            start = row.name.partition("_")[0]
+            found[next((kind for kind, starts in KINDS.items() if start in starts), "others")].append(row)
+        return [(kind, rows) for kind, rows in found.items() if rows]
 
 
 def tabulate(metrics: Sequence[Metric]) -> Table:
@@ -102,13 +123,16 @@ def _row(name: str, found: dict[str, Metric], methods: tuple[str, ...]) -> Row:
     better = next(iter(found.values())).better
     best = _best(values, better)
     decimals = _decimals(values)
+    comparable = better is not None and not name.startswith(KINDS["cost"])  # dead reckoning costs nothing
+    baseline = found[BASELINE].value if BASELINE in found and comparable else None
     cells = []
     for method in methods:
         metric = found.get(method)
         if metric is None or metric.value is None:
             cells.append(Cell(ABSENT, reason=metric.reason if metric else "not measured"))
         else:
-            cells.append(Cell(f"{metric.value:.{decimals}f}", metric.value == best))
+            versus = "" if method == BASELINE else _difference(metric.value, baseline)
+            cells.append(Cell(f"{metric.value:.{decimals}f}", metric.value == best, versus=versus))
     definition = DEFINITIONS.get(name)
     return Row(
         name,
@@ -118,6 +142,14 @@ def _row(name: str, found: dict[str, Metric], methods: tuple[str, ...]) -> Row:
         definition.meaning if definition else "",
         definition.cannot_see if definition else "",
     )
+
+
+def _difference(value: float, baseline: float | None) -> str:
+    """By how much a value differs from the baseline's: in per cent, or how many times it is."""
+    if baseline is None or baseline <= 0.0 or value < 0.0:
+        return ""
+    ratio = value / baseline
+    return f"×{ratio:.3g}" if ratio >= 10.0 else f"{100.0 * (ratio - 1.0):+.0f} %"
 
 
 def _best(values: Sequence[float], better: str | None) -> float | None:

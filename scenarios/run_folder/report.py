@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
+from scenarios.report.album import Plate
 from scenarios.report.page import render
 from scenarios.run_folder.contents import Run
 
+if TYPE_CHECKING:
+    from scenarios.stages import Cost
 
-def page(run: Run) -> str:
-    """The page of a run, with what it was made with."""
+
+def page(run: Run, plates: Sequence[Plate], stages: Mapping[str, Cost]) -> str:
+    """The page of a run with its figures, what it was made with and what the stages so far cost."""
     made: Any = run.environment
     told = {
         "command": run.asked["command"],
@@ -19,4 +24,4 @@ def page(run: Run) -> str:
         "packages": made["packages"],
         "processor": f"{made['processor']}, {made['cores']} cores",
     }
-    return render(run.recording, run.estimates, run.metrics, told, run.simulated)
+    return render(run.recording, run.estimates, run.metrics, told, plates, run.simulated, stages)

@@ -48,7 +48,7 @@ def match(
         return NoMatch("a scan has no points")
     prior = NO_PRIOR if prior_information is None else np.asarray(prior_information, dtype=np.float64)
     number = {"wsm": WSM, "icp": ICP, "plicp": PLICP}[method]
-    answer, fits, body, eigenvalues, tried = solve(
+    answer, fits, far, body, eigenvalues, tried = solve(
         number, COVARIANCES.index(covariance), config.solver == "alternating", reference.indexed,
         scan.indexed if config.mutual else scan.unindexed, guess, prior, config.descent,
         config.level_table, _window(config, prior), isinstance(reference, Reference),
@@ -64,6 +64,7 @@ def match(
         information=information,
         n_matches=used,
         residual_rms=float(np.sqrt(cost / max(2 * used - 3, 1))),
+        residual_p90=far,
         misfit=fits,
         iterations=iterations,
         converged=converged,

@@ -14,8 +14,9 @@ class Match:
     ``T_reference_scan (3,)``; ``covariance (3, 3)`` in the body frame of the scan; ``information (3, 3)``
     of additive (x, y, yaw) errors in the reference frame, faded and possibly singular, for those who add
     it to other information; ``n_matches`` pairs of the last iteration; ``residual_rms`` √(Σ eᵀWe / (2n −
-    3)); ``misfit`` the mean over all points of the scan of χ² across the surface, cut at 9;
-    ``information_eigenvalues (3,)`` of the scaled Λ, ascending; ``tried`` answers that were compared.
+    3)); ``residual_p90`` m that nine of ten pairs are not farther apart than; ``misfit`` the mean over all
+    points of the scan of χ² across the surface, cut at 9; ``information_eigenvalues (3,)`` of the scaled Λ,
+    ascending; ``tried`` answers that were compared.
     """
 
     T_reference_scan: Array
@@ -23,6 +24,7 @@ class Match:
     information: Array
     n_matches: int
     residual_rms: float
+    residual_p90: float
     misfit: float
     iterations: int
     converged: bool

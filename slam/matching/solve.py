@@ -8,13 +8,18 @@ from numba import njit
 from slam.matching.alternating import alternate
 from slam.matching.covariance import body_covariance
 from slam.matching.estimate import estimate
+from slam.matching.residuals import residual_quantile
 from slam.matching.search import misfit
+
+FAR = 0.9
+"""Share of the pairs whose distance is told."""
 
 
 @njit(cache=True)
 def solve(method, mode, alternating, reference, scan, guess, prior, descent, levels, search, still):
-    """Answer (pose, Λ, pairs used, cost, iterations, converged), misfit, covariance (3, 3) in the body frame
-    of the scan, eigenvalues (3,) of the information, and the number of answers compared.
+    """Answer (pose, Λ, pairs used, cost, iterations, converged), misfit, the distance [m] that a share of
+    `FAR` of the pairs does not exceed, covariance (3, 3) in the body frame of the scan, eigenvalues (3,) of
+    the information, and the number of answers compared.
 
     Arguments as in `slam.matching.estimate.estimate`; ``mode`` counts the covariance modes.
     """
@@ -29,4 +34,5 @@ def solve(method, mode, alternating, reference, scan, guess, prior, descent, lev
     covariance, eigenvalues = body_covariance(
         mode, reference[0], scan[0], pairs, answer[0], answer[1], prior, spread, descent[1], descent[3]
     )
-    return answer, fits, covariance, eigenvalues, tried
+    far = residual_quantile(reference[0], scan[0], pairs, answer[0], FAR)
+    return answer, fits, far, covariance, eigenvalues, tried

@@ -1,5 +1,6 @@
 import html.parser
 import io
+import json
 import re
 from dataclasses import replace
 
@@ -10,10 +11,12 @@ from scenarios.estimate import Estimate
 from scenarios.evaluation import cost, evaluate
 from scenarios.evaluation.metric import Metric, measured, missing
 from scenarios.report import figures
-from scenarios.report.page import render, titles
+from scenarios.report.album import drawings, titles
+from scenarios.report.page import render
 from scenarios.report.style import panels, png
 from scenarios.report.table import print_table, tabulate, to_rich
-from scenarios.report.verdict import verdict
+from scenarios.report.verdict import scores, verdict
+from scenarios.stages import Cost
 from slam.occupancy import Grid
 from slam.recording import Laser, Recording
 from slam.scan import Scan
@@ -63,13 +66,14 @@ def estimates(recording) -> list[Estimate]:
 class Page(html.parser.HTMLParser):
     """Tags, attributes and text of a page; refuses unbalanced tags."""
 
-    VOID = ("meta", "img", "br", "link")
+    VOID = ("meta", "img", "br", "link", "input")
 
     def __init__(self, text: str) -> None:
         super().__init__()
         self.open: list[str] = []
         self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.text = ""
+        self.scripts: list[str] = []
         self.feed(text)
         assert self.open == []
 
@@ -82,8 +86,10 @@ class Page(html.parser.HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        if not self.open or self.open[-1] != "style":
+        if not self.open or self.open[-1] not in ("style", "script"):
             self.text += data
+        elif self.open[-1] == "script":
+            self.scripts.append(data)
 
     def all(self, tag: str) -> list[dict[str, str | None]]:
         return [attrs for name, attrs in self.tags if name == tag]
@@ -187,46 +193,111 @@ def test_verdict_falls_back_on_relations_and_then_on_the_eye():
     assert verdict(missing("a", ("ate_rmse",), "no truth")).startswith("Nothing to score against")
 
 
-def test_verdict_tells_of_false_stitches():
-    assert verdict(measured("htms", {"ate_rmse": 1.0, "stitches_false": 2})).endswith(
+def test_verdict_tells_of_cuts_and_stitches(estimates):
+    counts = {"stitches_tried": 5, "stitches_accepted": 3, "stitches_false": 0}
+    ours = measured("slamstitch", {"ate_rmse": 0.1, **counts})
+    theirs = measured("htms", {"ate_rmse": 1.0, **counts, "stitches_false": 2})
+    assert verdict([*ours, *theirs], estimates) == (
+        "slamstitch is best: position error (ATE) 0.100 m; 1 cut, 3 of 5 stitches accepted, 0 false. "
         "htms accepted 2 false stitches."
     )
 
 
+def test_scores_are_told_beside_dead_reckoning_the_best_first():
+    values = {"ins": 0.5, "wsm": 1.0, "mine": 0.25, "oracle": 0.1}
+    metrics = [m for name, v in values.items() for m in measured(name, {"ate_rmse": v})]
+    found = scores(metrics, [*values, "unscored"])
+    assert [(s.method, s.versus, s.best) for s in found] == [
+        ("oracle", "5 times better", False),
+        ("mine", "2 times better", True),
+        ("ins", "dead reckoning", False),
+        ("wsm", "2 times worse", False),
+        ("unscored", "not scored", False),
+    ]
+    assert len({s.colour for s in found}) == 5
+    assert scores([], ["ins"]) == []
+
+
+def test_differences_are_to_dead_reckoning():
+    values = {"ins": (0.5, 0.5, 2.0), "wsm": (0.25, 1.0, 1.0), "htms": (10.0, 0.0, 1.0)}
+    names = ("ate_rmse", "map_f1", "wall_s")
+    metrics = [m for k, v in values.items() for m in measured(k, dict(zip(names, v, strict=True)))]
+    told = {row.name: [cell.versus for cell in row.cells] for row in tabulate(metrics).rows}
+    assert told == {
+        "ate_rmse": ["", "-50 %", "×20"],
+        "map_f1": ["", "+100 %", "-100 %"],
+        "wall_s": ["", "", ""],
+    }
+
+
+def test_every_metric_stands_under_a_heading():
+    from scenarios.evaluation import DEFINITIONS
+
+    table = tabulate(measured("a", dict.fromkeys(DEFINITIONS, 1.0)))
+    kinds = dict(table.kinds())
+    assert sorted(row.name for rows in kinds.values() for row in rows) == sorted(DEFINITIONS)
+    assert [row.name for row in kinds["map"]] == ["map_f1", "map_iou", "map_chamfer"]
+
+
+def plates(recording, estimates, metrics):
+    return [drawing.plate() for drawing in drawings(recording, estimates, metrics)[:2]]
+
+
 def test_page_is_one_file_with_every_figure_described(recording, estimates):
     metrics = evaluate(recording, estimates) + cost("ins", 1.0, N, None)
-    text = render(recording, estimates, metrics, {"command": "python -m scenarios.run drive", "seed": 0})
+    run = {"command": "python -m scenarios.run drive", "seed": 0}
+    drawn = plates(recording, estimates, metrics)
+    text = render(recording, estimates, metrics, run, drawn, stages={"ins": Cost(1.25, None)})
     page = Page(text)
     images = page.all("img")
-    assert len(images) == 3  # maps, trajectories, confidence of the one method that has a track
-    assert all(
-        image["src"].startswith("data:image/png;base64,") and len(image["alt"]) > 20 for image in images
-    )
-    assert not re.search(r"""(src|href)=["']?(https?:|//)""", text)
-    assert page.all("script") == []
+    assert len(images) == 2
+    for image, plate in zip(images, drawn, strict=True):
+        assert image["src"].startswith("data:image/png;base64,")
+        assert len(image["alt"]) > 20
+        assert (int(image["width"]), int(image["height"])) == plate.size
+    addresses = [attrs[name] for _, attrs in page.tags for name in ("src", "href") if name in attrs]
+    assert all(address.startswith(("data:", "#")) for address in addresses)
+    assert "url(" not in text[: text.index("</style>")]
+    assert "sourceMappingURL" not in text
+    (policy,) = (meta["content"] for meta in page.all("meta") if "http-equiv" in meta)
+    assert policy.startswith("default-src 'none';")
     assert "prefers-color-scheme: dark" in text
     assert "slamstitch is best" in page.text
     assert "python -m scenarios.run drive" in page.text
+    assert re.search(r"ins\s*1\.25\s*–", page.text)
     for metric in metrics:
         assert metric.name in page.text
 
 
+def test_every_metric_s_blind_spot_is_told_in_a_line(recording, estimates):
+    metrics = evaluate(recording, estimates)
+    page = Page(render(recording, estimates, metrics, {}))
+    for row in tabulate(metrics).rows:
+        assert row.cannot_see
+        assert row.cannot_see in page.text
+
+
 def test_everything_from_outside_is_escaped(recording, estimates):
-    attack = "<script>alert(1)</script>"
+    attack = "</script><script>alert(1)</script>"
     recording = replace(recording, name=attack)
     estimates = [replace(estimates[0], method=attack)]
     metrics = [*measured(attack, {"ate_rmse": 1.0}), *missing("b", ("ate_rmse",), f'"{attack}')]
-    page = Page(render(recording, estimates, metrics, {"command": attack, attack: {attack: attack}}))
-    assert page.all("script") == []
+    run = {"command": attack, attack: {attack: attack}}
+    page = Page(render(recording, estimates, metrics, run, plates(recording, estimates, metrics)))
+    assert [tag.get("type") for tag in page.all("script")] == ["application/json", None]
     assert page.text.count(attack) >= 6
+    assert json.loads(page.scripts[0])["methods"][0]["name"] == attack
+    assert "alert(1)" not in page.scripts[-1]
 
 
 def test_page_without_truth_still_shows_the_maps(recording, estimates):
     blind = replace(recording, truth=None)
     page = Page(render(blind, estimates, evaluate(blind, estimates), {}))
-    assert len(page.all("img")) == 3
+    told = json.loads(page.scripts[0])
+    assert told["drive"]["truth"] is None
+    assert all(method["map"] for method in told["methods"])
     assert "the recording has no truth" in page.text
-    assert "over truth" not in page.text
+    assert all("over truth" not in drawing.alt for drawing in drawings(blind, estimates, []))
 
 
 def test_page_of_a_single_scan(recording):
@@ -239,6 +310,12 @@ def test_page_of_a_single_scan(recording):
     )
     estimates = [Estimate("ins", one.truth)]
     assert "ins" in Page(render(one, estimates, evaluate(one, estimates), {})).text
+
+
+def test_page_of_nothing_at_all(recording):
+    page = Page(render(recording, [], [], {}))
+    assert len(page.all("script")) == 1
+    assert "Nothing to score against" in page.text
 
 
 def test_map_figure_tells_found_wrong_and_missed_walls_apart(recording, estimates):

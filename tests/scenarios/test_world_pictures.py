@@ -10,7 +10,7 @@ import pytest
 
 from scenarios.estimate import Estimate
 from scenarios.report import world as pictures
-from scenarios.report.page import world_pictures
+from scenarios.report.album import drawings
 from sim.floorplan import box, wall
 from sim.record import Setup, SimulatedRun, simulate
 from sim.terrain import Terrain
@@ -67,5 +67,6 @@ def test_the_side_view_takes_the_scan_with_the_most_pitch_and_its_beams_end_on_s
 
 
 def test_a_log_has_no_world_to_show(run: SimulatedRun) -> None:
-    assert world_pictures(None, []) == []
-    assert len(world_pictures(run, [])) == 2
+    estimates = [Estimate("ins", run.recording.dead_reckoning)]
+    names = [[d.name for d in drawings(run.recording, estimates, [], known)] for known in (None, run)]
+    assert names == [["maps", "trajectories"], ["maps", "trajectories", "world", "tilt"]]

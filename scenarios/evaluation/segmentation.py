@@ -1,0 +1,64 @@
+"""Lost steps of a track by truth, and how sound the pieces are that a drive was cut into."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam import se2
+from slam.confidence import step_error
+from slam.recording import Recording
+from slam.se2 import Array
+from slam.segmentation import Segment
+from slam.track import Track
+
+
+def step_errors(track: Track, truth: Array) -> Array:
+    """Error ``(N,)`` of each accepted step from the scan it was estimated against, in units of
+    `slam.confidence.FAILURE`: above 1 it is lost. NaN where there is no step."""
+    step = se2.between(track.poses[track.reference], track.poses)
+    errors = step_error(se2.between(se2.between(truth[track.reference], truth), step))
+    errors[track.reference < 0] = np.nan
+    return errors
+
+
+def true_errors(track: Track, recording: Recording) -> Array:
+    """`step_errors` of a recording. Raises ``ValueError`` where it has no truth."""
+    if recording.truth is None:
+        raise ValueError(f"{recording.name}: expected a recording with truth")
+    return step_errors(track, recording.truth)
+
+
+@dataclass(frozen=True)
+class Purity:
+    """Of the pieces of a drive: how many; the share of the scans that is in one; of those the share in a
+    piece that is nowhere off by more than a failure; and the mean over them of the largest error [m] inside
+    their piece, seen from its first pose."""
+
+    count: int
+    kept: float
+    pure: float
+    drift: float
+
+
+def purity(pieces: Sequence[Segment], poses: Array, truth: Array) -> Purity:
+    """Soundness of ``pieces`` of a track with ``poses (N, 3)``; NaN where there is no piece."""
+    if not pieces:
+        return Purity(0, 0.0, float("nan"), float("nan"))
+    worst = [_worst(poses[p.start : p.stop], truth[p.start : p.stop]) for p in pieces]
+    scans = np.array([p.stop - p.start for p in pieces], dtype=float)
+    drift, failed = np.array(worst).T
+    return Purity(
+        len(pieces),
+        float(scans.sum() / len(poses)),
+        float(np.sum(scans * (failed <= 1.0)) / scans.sum()),
+        float(np.sum(scans * drift) / scans.sum()),
+    )
+
+
+def _worst(poses: Array, truth: Array) -> tuple[float, float]:
+    """Largest error of a pose seen from the first: m, and in units of a failure."""
+    error = se2.between(se2.between(truth[0], truth), se2.between(poses[0], poses))
+    return float(np.hypot(error[:, 0], error[:, 1]).max()), float(step_error(error).max())

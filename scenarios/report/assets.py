@@ -1,0 +1,45 @@
+"""Styles and scripts of the page: our own, and the two libraries that draw (Leaflet, uPlot)."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+HERE = Path(__file__).parent
+VENDOR, TEMPLATES = HERE / "vendor", HERE / "templates"
+MODULES = (
+    "decode", "pose", "run", "theme", "elements", "raster", "map", "layers", "panel", "robot", "tilt",
+    "chart", "measures", "stitches", "stitch", "time", "main",
+)  # fmt: skip
+"""Our scripts in the order they are read; what one defines, those after it use."""
+
+
+@cache
+def style() -> str:
+    """All style sheets in one, without the images that Leaflet's would fetch and we do not use."""
+    sheets = [VENDOR / "leaflet.css", VENDOR / "uplot.css", TEMPLATES / "page.css"]
+    return re.sub(r"url\([^)]*\)", "none", "\n".join(map(_read, sheets)))
+
+
+def own_style() -> str:
+    """Our style sheet alone."""
+    return _read(TEMPLATES / "page.css")
+
+
+def theme_script() -> str:
+    """What a page without a live map needs: the switch between light and dark."""
+    own = _read(TEMPLATES / "js" / "theme.js")
+    return f'(() => {{\n"use strict";\n{own}\nthemeSwitch(document.getElementById("theme"));\n}})();'
+
+
+@cache
+def script() -> str:
+    """All scripts in one."""
+    libraries = [_read(VENDOR / f"{name}.js").partition("//# source")[0] for name in ("leaflet", "uplot")]
+    own = "\n".join(_read(TEMPLATES / "js" / f"{name}.js") for name in MODULES)
+    return "\n".join([*libraries, f'(() => {{\n"use strict";\n{own}}})();'])
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8")

@@ -1,0 +1,200 @@
+"""The report's own logs: its correlations made again, and its measures scored against the truth in them.
+
+The report (Formsma 2012) correlates trace, determinant and number of matches over all patches of its
+Experiment 1. Its covariances are the 2×2 position block in mm², of which it takes magnitudes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenarios.cli import BadInput
+from scenarios.evaluation.detection import Decision, average_precision, decided, roc_auc, spearman
+from slam import se2
+from slam.confidence import step_error
+from slam.se2 import Array
+
+FILE = "wsm_patches.json"
+PRINTED = {"trace and det": 0.85, "matches and det": -0.50, "matches and trace": -0.48}
+"""Rank correlations as the report prints them."""
+MEASURES = ("trace", "det", "matches")
+
+
+@dataclass(frozen=True)
+class Patches:
+    """N published patches: ``covariance (N, 3, 3)`` in mm and rad, NaN where nothing matched; ``matches
+    (N,)``; ``extends (N,)`` bool, those that became part of the map; ``slam (N, 3)`` and ``truth (N, 3)``
+    in m and rad."""
+
+    covariance: Array
+    matches: Array
+    extends: np.ndarray
+    slam: Array
+    truth: Array
+
+
+@dataclass(frozen=True)
+class Score:
+    """A measure against the truth: area under the ROC curve and average precision over all steps, and of
+    those with a match."""
+
+    auc: float
+    auc_matched: float
+    ap: float
+    ap_matched: float
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Correlations by pair of measures with failed matches as zero variance and as lost; and over the
+    ``steps`` between extending patches, of which ``lost`` were, the decision to call those without a match
+    and a score of each measure."""
+
+    as_zero: dict[str, float]
+    as_lost: dict[str, float]
+    unmatched: int
+    steps: int
+    lost: int
+    zero_rule: Decision
+    scores: dict[str, Score]
+
+
+def run(folders: Sequence[Path], out: Path | None) -> str:
+    """The audit of each folder's log in words; into the file ``out`` as well. Raises `BadInput`."""
+    text = "\n\n".join(told(folder, audit(read(folder / FILE))) for folder in folders)
+    if out is not None:
+        out.write_text(text + "\n", encoding="utf-8")
+    return text
+
+
+def read(path: Path) -> Patches:
+    """Published patches; the file is a list without its brackets. Raises `BadInput`."""
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file, expected the patches that the report published")
+    try:
+        records = json.loads("[" + path.read_text(encoding="utf-8").strip().rstrip(",") + "]")
+        return Patches(
+            np.reshape([record["covariance"] for record in records], (-1, 3, 3)).astype(float),
+            np.array([record["matches"] for record in records], dtype=float),
+            np.array([record["extend"] for record in records], dtype=bool),
+            _poses(records, "slam"),
+            _poses(records, "groundtruth"),
+        )
+    except KeyError as error:
+        raise BadInput(f"{path}: expected patches with {error}") from error
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"{path}: expected a list of patches without brackets: {error}") from error
+
+
+def audit(patches: Patches) -> Audit:
+    """The report's numbers made again, and what the truth says. Raises `BadInput` where no step is lost."""
+    failed = np.isnan(patches.covariance[:, 0, 0]) | (patches.matches == 0)
+    bad = _badness(patches, failed)
+    steps = np.flatnonzero(patches.extends)
+    before, after = steps[:-1], steps[1:]
+    error = se2.between(
+        se2.between(patches.truth[before], patches.truth[after]),
+        se2.between(patches.slam[before], patches.slam[after]),
+    )
+    lost, zero = step_error(error) > 1.0, failed[after]
+    if not lost.any() or lost.all():
+        raise BadInput(f"{lost.sum()} of {len(lost)} steps are lost: nothing to tell apart")
+    return Audit(
+        as_zero=_correlations({name: np.where(failed, 0.0, values) for name, values in bad.items()}),
+        as_lost=_correlations({**bad, "matches": np.where(failed, 0.0, bad["matches"])}),
+        unmatched=int(failed.sum()),
+        steps=len(lost),
+        lost=int(lost.sum()),
+        zero_rule=decided(zero, lost),
+        scores={name: _score(values[after], zero, lost) for name, values in bad.items()},
+    )
+
+
+def told(folder: Path, found: Audit) -> str:
+    """An audit as text."""
+    rows = [f"{folder}", "", f"{'rank correlation of':<20}{'printed':>9}{'made again':>12}{'as lost':>9}"]
+    for pair, printed in PRINTED.items():
+        rows.append(f"{pair:<20}{printed:>9.2f}{found.as_zero[pair]:>12.3f}{found.as_lost[pair]:>9.3f}")
+    rows += ["", *_about(found), ""]
+    rows.append(
+        f"{found.lost} of {found.steps} steps between extending patches are off by more than 0.2 m or 5°."
+    )
+    rule = found.zero_rule
+    rows.append(
+        f"Cutting where nothing matched finds {rule.right} of them (recall {rule.recall:.2f}, "
+        f"precision {rule.precision:.2f})."
+    )
+    rows += ["", f"{'measure':<10}{'AUC':>7}{'AP':>7}   of steps with a match: {'AUC':>6}{'AP':>7}"]
+    for name, score in found.scores.items():
+        rows.append(
+            f"{name:<10}{score.auc:>7.3f}{score.ap:>7.3f}{'':26}{score.auc_matched:>6.3f}{score.ap_matched:>7.3f}"
+        )
+    rows.append(f"{'chance':<10}{0.5:>7.3f}{found.lost / found.steps:>7.3f}")
+    return "\n".join(rows)
+
+
+def interchanged(found: Audit) -> bool | None:
+    """Whether the two printed correlations of the matches fit each other's labels better than their own; None
+    where this is not the log that was printed."""
+    own = [abs(found.as_zero[pair] - value) for pair, value in PRINTED.items()]
+    swapped = abs(found.as_zero["matches and det"] - PRINTED["matches and trace"])
+    swapped += abs(found.as_zero["matches and trace"] - PRINTED["matches and det"])
+    if own[0] > 0.01 or min(own[1] + own[2], swapped) > 0.01:
+        return None
+    return swapped < own[1] + own[2]
+
+
+def _about(found: Audit) -> list[str]:
+    fits = interchanged(found)
+    if fits is None:
+        return ["These are not the patches whose correlations the report prints."]
+    lines = []
+    if fits:
+        lines.append("The last two printed numbers fit when interchanged: the report swaps their labels.")
+    lines.append(
+        f"Made again with the {found.unmatched} patches without a match as zero variance, which turns them "
+        "into the most certain ones; as lost they are the least certain."
+    )
+    return lines
+
+
+def _badness(patches: Patches, failed: np.ndarray) -> dict[str, Array]:
+    """The three measures ``(N,)``, larger = worse but for the number of matches' sign; +inf where nothing
+    matched."""
+    P = patches.covariance
+    values = (
+        np.abs(P[:, 0, 0] + P[:, 1, 1]),
+        np.abs(P[:, 0, 0] * P[:, 1, 1] - P[:, 0, 1] * P[:, 1, 0]),
+        -patches.matches,
+    )
+    return {name: np.where(failed, np.inf, value) for name, value in zip(MEASURES, values, strict=True)}
+
+
+def _correlations(bad: dict[str, Array]) -> dict[str, float]:
+    """Rank correlations of the three, of the matches themselves rather than of their lack."""
+    matches = -bad["matches"]
+    return {
+        "trace and det": spearman(bad["trace"], bad["det"]),
+        "matches and det": spearman(matches, bad["det"]),
+        "matches and trace": spearman(matches, bad["trace"]),
+    }
+
+
+def _score(values: Array, zero: np.ndarray, lost: np.ndarray) -> Score:
+    return Score(
+        roc_auc(values, lost),
+        roc_auc(values[~zero], lost[~zero]),
+        average_precision(values, lost),
+        average_precision(values[~zero], lost[~zero]),
+    )
+
+
+def _poses(records: Sequence[dict[str, dict[str, float]]], name: str) -> Array:
+    """Poses ``(N, 3)`` [m, rad] of records in mm; their handedness does not matter to an error."""
+    poses = np.array([[record[name][axis] for axis in ("x", "y", "yaw")] for record in records], dtype=float)
+    return poses * [1e-3, 1e-3, 1.0]

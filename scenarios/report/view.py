@@ -1,0 +1,162 @@
+"""A run in Rerun: scans, paths, submaps and the graph over time, in metres, z up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenarios.cli import BadInput
+from scenarios.estimate import Estimate
+from scenarios.evaluation.trajectory import aligned
+from scenarios.report.album import false_stitches
+from scenarios.report.pieces import MERGING, state
+from scenarios.report.verdict import colours
+from scenarios.run_folder.reading import read
+from slam import se2
+from slam.recording import Recording
+from slam.se2 import Array
+
+if TYPE_CHECKING:
+    import rerun
+
+MISSING = "Rerun is not installed: pip install -e '.[view]' (or pip install rerun-sdk) brings it"
+PALETTE = ("0072b2", "c98a00", "d55e00", "b5528d", "2f9fd8", "009e73", "7a6ff0", "6d7a00")
+"""Colours of methods and submaps: those of the page."""
+STATES = {"accepted": "00805f", "false": "c2300a", "rejected": "7b8490", "refused": "a0a8b2"}
+"""Colours of stitches by what came of them."""
+
+
+def check() -> None:
+    """Raises `BadInput`, telling how to install it, where Rerun is missing."""
+    if find_spec("rerun") is None:
+        raise BadInput(MISSING)
+
+
+def run(folders: Sequence[Path], out: Path | None) -> str:
+    """Show a run in Rerun's viewer, or write it to the file ``out``; returns what was done in words."""
+    check()
+    if len(folders) != 1:
+        raise BadInput(f"view: expected one run, got {len(folders)}")
+    recording, estimates, _ = read(folders[0])
+
+    import rerun as rr
+
+    stream = rr.RecordingStream("slamstitch", recording_id=f"{folders[0].resolve().name}")
+    if out is None:
+        stream.spawn()
+    else:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        stream.save(out)
+    log(stream, recording, estimates)
+    stream.flush()
+    return str(folders[0] if out is None else out)
+
+
+def log(stream: rerun.RecordingStream, recording: Recording, estimates: Sequence[Estimate]) -> None:
+    """Everything about a run, over the timelines ``scan`` and ``time``."""
+    import rerun as rr
+
+    stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    if recording.truth is not None:
+        stream.log("truth/path", rr.LineStrips3D([_flat(recording.truth[:, :2])]), static=True)
+    for estimate, colour in zip(estimates, colours([e.method for e in estimates]), strict=True):
+        truth = recording.truth
+        poses = estimate.poses if truth is None else aligned(estimate.poses, truth)
+        entity = rr.escape_entity_path_part(estimate.method)
+        path = rr.LineStrips3D([_flat(poses[:, :2])], colors=_rgb(PALETTE[colour]))
+        stream.log(f"{entity}/path", path, static=True)
+        _log_robot(stream, entity, recording, poses, _rgb(PALETTE[colour]))
+        _log_confidence(stream, entity, recording, estimate)
+        _log_submaps(stream, entity, recording, estimate, poses)
+        _log_stitches(stream, entity, recording, estimate, poses)
+
+
+def _times(recording: Recording) -> list[Any]:
+    import rerun as rr
+
+    since_start = recording.time - recording.time[0]
+    return [
+        rr.TimeColumn("scan", sequence=np.arange(len(recording))),
+        rr.TimeColumn("time", duration=since_start),
+    ]
+
+
+def _at(stream: rerun.RecordingStream, recording: Recording, scan: int) -> None:
+    stream.set_time("scan", sequence=scan)
+    stream.set_time("time", duration=float(recording.time[scan] - recording.time[0]))
+
+
+def _log_robot(
+    stream: rerun.RecordingStream, entity: str, recording: Recording, poses: Array, colour: tuple[int, ...]
+) -> None:
+    """The robot at every scan, and in its frame what it saw."""
+    import rerun as rr
+
+    half = poses[:, 2] / 2.0
+    turns = np.stack([np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)], -1)
+    places = rr.Transform3D.columns(translation=_flat(poses[:, :2]), quaternion=turns)
+    stream.send_columns(f"{entity}/robot", _times(recording), places)
+    body = rr.Boxes3D(half_sizes=[0.27, 0.2, 0.1], colors=colour)
+    stream.log(f"{entity}/robot/body", body, static=True)
+    laser = recording.laser
+    seen = (recording.ranges >= laser.range_min) & (recording.ranges < laser.range_max)
+    r = np.where(seen, recording.ranges, 0.0)
+    ends = np.stack([r * np.cos(recording.angles), r * np.sin(recording.angles)], -1)
+    points = se2.transform(laser.T_robot_laser, ends)[seen]
+    clouds = rr.Points3D.columns(positions=_flat(points)).partition(seen.sum(axis=1))
+    stream.send_columns(f"{entity}/robot/scan", _times(recording), clouds)
+
+
+def _log_confidence(
+    stream: rerun.RecordingStream, entity: str, recording: Recording, estimate: Estimate
+) -> None:
+    """Every measure of the front end over time; infinite where a match failed."""
+    import rerun as rr
+
+    if estimate.track is None:
+        return
+    for name, column in {"matches": estimate.track.matches, **estimate.track.confidence}.items():
+        values = rr.Scalars.columns(scalars=np.asarray(column, dtype=np.float64))
+        stream.send_columns(f"{entity}/confidence/{name}", _times(recording), values)
+
+
+def _log_submaps(
+    stream: rerun.RecordingStream, entity: str, recording: Recording, estimate: Estimate, poses: Array
+) -> None:
+    """Each submap where the map has it in the end, from its last scan on."""
+    import rerun as rr
+
+    for k, submap in enumerate(estimate.submaps):
+        _at(stream, recording, submap.stop - 1)
+        points = se2.transform(poses[submap.start], submap.grid.occupied_points())
+        cloud = rr.Points3D(_flat(points), colors=_rgb(PALETTE[k % len(PALETTE)]), radii=0.03)
+        stream.log(f"{entity}/submaps/{k}", cloud)
+
+
+def _log_stitches(
+    stream: rerun.RecordingStream, entity: str, recording: Recording, estimate: Estimate, poses: Array
+) -> None:
+    """The graph: each stitch from the last scan of the later submap on, coloured by what came of it."""
+    import rerun as rr
+
+    false = false_stitches(estimate, recording.truth)
+    for k, tried in enumerate(estimate.stitches):
+        a = tried.b - 1 if estimate.method in MERGING else tried.a
+        ends = poses[[estimate.submaps[a].start, estimate.submaps[tried.b].start], :2]
+        what = state(tried, k in false)
+        _at(stream, recording, estimate.submaps[tried.b].stop - 1)
+        line = rr.LineStrips3D([_flat(ends)], colors=_rgb(STATES[what]), labels=what, show_labels=False)
+        stream.log(f"{entity}/stitches/{what}/{tried.a}-{tried.b}", line)
+
+
+def _flat(points: Array) -> Array:
+    """Points ``(n, 2)`` on the floor of three dimensions."""
+    return np.column_stack([points, np.zeros(len(points))])
+
+
+def _rgb(colour: str) -> tuple[int, ...]:
+    return tuple(bytes.fromhex(colour))
