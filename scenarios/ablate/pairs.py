@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from scenarios.ablate.hold import hold
 from scenarios.ablate.pieces import CELL, Piece, pieces
 from scenarios.ablate.visits import visits
 from sim.record import Buildable
@@ -37,7 +38,8 @@ class Pair:
     ``T_a_b (3,)`` is the true pose of b's frame in a's, as both maps are drawn where they overlap (a bent map
     has another one elsewhere); ``middle_b (2,)``: the middle of the overlap in b's frame, where errors are
     measured; ``overlap``: cells that both have seen, as a share of the smaller map's; ``moved``: somebody
-    moved the furniture between the visits.
+    moved the furniture between the visits; ``hold``: metres of wall by which the one holds the other in the
+    direction in which it does least (`scenarios.ablate.hold`).
     """
 
     scenario: str
@@ -49,6 +51,7 @@ class Pair:
     middle_b: Array
     overlap: float
     moved: bool
+    hold: float
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,8 @@ def _pair(
         middle, T_world_a, T_world_b = b.middles.mean(axis=0), a.T_world_map[0], b.T_world_map[0]
     middle_b = se2.transform(se2.inverse(T_world_b), middle[None])[0]
     T_a_b = se2.between(T_world_a, T_world_b)
-    return Pair(scenario, seed, where, a.submap, b.submap, T_a_b, middle_b, overlap, moved)
+    held = hold(a.submap, b.submap, T_a_b) if len(cells) else 0.0
+    return Pair(scenario, seed, where, a.submap, b.submap, T_a_b, middle_b, overlap, moved, held)
 
 
 def frame_near(piece: Piece, place: Array) -> Array:

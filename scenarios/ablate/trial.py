@@ -44,6 +44,7 @@ class Row:
     bin: str
     overlap: float
     moved: bool
+    hold: float
     outcome: Outcome
     error_m: float
     error_deg: float
@@ -66,6 +67,7 @@ def attempt(pair: Pair, variant: Variant, config: AlignConfig, rng: np.random.Ge
         pair.bin,
         pair.overlap,
         pair.moved,
+        pair.hold,
         outcome,
         *error,
         nees,

@@ -43,7 +43,7 @@ def hives() -> tuple[Pair, ...]:
 
 
 def row(outcome: str, where: str = "30 %", nees: float = np.nan, variant: str = "joint") -> Row:
-    return Row(variant, "hospital", 0, where, 0.3, False, outcome, 0.0, 0.0, nees, 0.5, "")  # type: ignore[arg-type]
+    return Row(variant, "hospital", 0, where, 0.3, False, 2.0, outcome, 0.0, 0.0, nees, 0.5, "")  # type: ignore[arg-type]
 
 
 def piece(known: list[list[int]], frames: np.ndarray, middles: np.ndarray) -> Piece:

@@ -56,7 +56,7 @@ def pair() -> Pair:
         for frame, ends in zip(FRAMES, [(0.7, 7.0), (4.6, 10.5)], strict=True)
     )
     middle = se2.transform(se2.inverse(FRAMES[1]), np.array([[6.0, 2.0]]))[0]
-    return Pair("tiny", 200, "50 %", a, b, se2.between(*FRAMES), middle, 0.5, False)
+    return Pair("tiny", 200, "50 %", a, b, se2.between(*FRAMES), middle, 0.5, False, 4.0)
 
 
 def examples(counts: Array, right: np.ndarray, unlikely: Array | None = None) -> Examples:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -23,6 +23,9 @@ PER_BUILDING, PER_TWIN_BUILDING = 5, 10
 """Most pairs of one bin from two visits to one building; of twins there is only one scenario."""
 WITH_PRIOR = ("joint",)
 """Methods that are measured with a prior as well: of the others only the report's reads a part of it."""
+
+HELD = 1.0
+"""Pairs that share less wall [m] across some direction can slide: what they share is a bare corridor."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def run(options: Options) -> None:
     check(options.scheduler, options.workers, options.out)
 
     from scenarios.ablate.harvesting import Bins, answer, harvested, kept, trials
-    from scenarios.ablate.pairs import ALL_BINS
+    from scenarios.ablate.pairs import ALL_BINS, BINS
     from scenarios.ablate.summary import lines
     from scenarios.ablate.trial import Row
 
@@ -90,12 +93,20 @@ def run(options: Options) -> None:
             f"no pairs: none of {options.scenarios} with seeds {options.seeds} has stretches that overlap"
         )
     write_results(options.out / "results.csv", [field.name for field in fields(Row)], map(asdict, rows))
-    found = lines(rows, ALL_BINS)
+    found, held = lines(rows, ALL_BINS), lines([row for row in rows if row.hold >= HELD], BINS)
     if options.format == "json":
         about = {"study": "stitching", "seeds": options.seeds, "scenarios": scenarios}
-        print(lines_json(found, about | {"buildings": len(reports)}))
+        print(
+            lines_json(
+                [*found, *(replace(one, bin=f"{one.bin} held") for one in held)],
+                about | {"buildings": len(reports)},
+            )
+        )
     else:
         print_lines(f"stitching: {len(reports)} buildings, seeds {options.seeds}", found, notes(reports))
+        print_lines(
+            f"of these, pairs whose shared walls hold them by {HELD:g} m in every direction", held, []
+        )
     finish(swept, options.out / "sweep.sqlite")
 
 

@@ -1,0 +1,142 @@
+"""What the documentation says can be run is run, and what it points at is there."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import re
+import runpy
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slam.confidence import MEASURES
+from slam.formats import carmen, load, ros_map
+from slam.occupancy import Grid
+from slam.recording import Laser, Recording
+from stitch.align import Stitch
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+PACKAGES = "docs|scenarios|sim|slam|stitch|tests"
+
+
+def section(title: str) -> str:
+    """The README's section of that title."""
+    return (ROOT / "README.md").read_text().split(f"\n## {title}\n")[1].split("\n## ")[0]
+
+
+BLOCKS = dict(
+    re.findall(r"^A \*\*(\w+)\*\*.*?^```python\n(.*?)^```$", section("Bring your own"), re.M | re.S)
+)
+"""What one brings -> the code that takes it."""
+
+PROOF: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "log": lambda known: known["estimate"].poses.shape == (50, 3),
+    "map": lambda known: load("my_map.npz").truth is not None,
+    "matcher": lambda known: known["score"].pairs == 20 and known["score"].success > 0.5,
+    "measure": lambda known: "unpaired" in known["found"].confidence,
+}
+"""What holds when an example has done what it says, by the names that it left behind."""
+
+
+def flat() -> Grid:
+    """Two rooms of 3 × 3 m with a door of 1 m, unknown outside."""
+    occupied = np.zeros((66, 128), dtype=bool)
+    occupied[[2, 63], 2:125] = True
+    occupied[2:64, [2, 63, 124]] = True
+    occupied[22:44, 63] = False
+    inside = np.zeros_like(occupied)
+    inside[3:63, 3:124] = True
+    return Grid(occupied, inside & ~occupied, np.zeros(2), 0.05)
+
+
+def walk() -> Recording:
+    """Fifty scans along a room of 8 × 4 m, with an exact odometry."""
+    from sim.laser import Raycaster
+
+    room = [[0, 0, 8, 0], [8, 0, 8, 4], [8, 4, 0, 4], [0, 4, 0, 0], [3, 0, 3, 1], [5, 3, 6, 3]]
+    angles = np.radians(np.arange(-90.0, 91.0, 2.0))
+    poses = np.stack([np.linspace(1.0, 6.0, 50), np.full(50, 2.0), 0.3 * np.sin(np.arange(50) / 8.0)], -1)
+    ranges = Raycaster.from_segments(room).cast(poses, angles)
+    laser = Laser(range_max=20.0)
+    return Recording("walk", 0.3 * np.arange(50), ranges, angles, laser, poses, truth=poses)
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder to be in, with a log and a map in it; what an example registers is forgotten afterwards."""
+    carmen.write(tmp_path / "my_drive.log", walk())
+    ros_map.write(tmp_path / "my_map.yaml", flat())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    before = dict(MEASURES)
+    yield tmp_path
+    MEASURES.clear()
+    MEASURES.update(before)
+
+
+def test_every_block_of_the_section_is_run_here() -> None:
+    assert list(BLOCKS) == ["log", "map", "matcher", "measure"]
+    assert section("Bring your own").count("```") == 2 * len(BLOCKS)
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_what_you_bring_runs(name: str, elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    known: dict[str, Any] = {}
+    exec(compile(BLOCKS[name], f"README.md, your own {name}", "exec"), known)
+    assert PROOF[name](known)
+    assert capsys.readouterr().out.strip()
+
+
+def test_the_tutorial_runs(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = runpy.run_path(str(ROOT / "docs" / "tutorial.py"))
+    assert told["picture"].is_relative_to(elsewhere)
+    assert told["picture"].stat().st_size > 10_000
+    assert isinstance(told["stitch"], Stitch)
+    assert np.hypot(*told["off"][:2]) < 0.05
+    assert told["scores"]["slamstitch", "ate_rmse"] < told["scores"]["ins", "ate_rmse"]
+    assert "stitched" in capsys.readouterr().out
+
+
+def test_there_is_a_page_for_every_stage_and_the_index_has_them_all() -> None:
+    listed = set(re.findall(r"\]\((\w+\.(?:md|py))\)", (ROOT / "docs" / "README.md").read_text()))
+    assert listed == {page.name for page in PAGES if page.name != "README.md"} | {"tutorial.py"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_a_page_points_at_is_there(page: Path) -> None:
+    text = page.read_text()
+    links = [link.split("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link]
+    paths = re.findall(rf"(?<![\w/.])((?:{PACKAGES})/[\w/.]*\w/?)", text)
+    assert links or paths
+    missing = [link for link in links if link and not (page.parent / link).exists()]
+    missing += [path for path in paths if not (ROOT / path).exists()]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_module_that_a_page_runs_is_there(page: Path) -> None:
+    for module in re.findall(r"python -m ((?:scenarios|stitch|slam|sim)[\w.]*)", page.read_text()):
+        assert importlib.util.find_spec(module), f"python -m {module}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_names_in_code_are_names_of_the_code(page: Path) -> None:
+    """`package.module.name` in a page is something that can be imported."""
+    for dotted in set(re.findall(r"`((?:slam|stitch|sim|scenarios)(?:\.\w+)+)`", page.read_text())):
+        assert importable(dotted), dotted
+
+
+def importable(dotted: str) -> bool:
+    """Whether a dotted name is a module, or a name in one."""
+    module, _, name = dotted.rpartition(".")
+    try:
+        importlib.import_module(dotted)
+    except ModuleNotFoundError:
+        return bool(module) and hasattr(importlib.import_module(module), name)
+    return True
