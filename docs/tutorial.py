@@ -1,13 +1,13 @@
 """From a recording to a scored map, one stage after the other, in a few seconds.
 
-Run it as it is (`python docs/tutorial.py`, once the package is installed) or cell by cell in an editor that knows `# %%`. The page of each
-stage beside this file has its equations.
+Run it as it is, once the package is installed (`python docs/tutorial.py`), or cell by cell in an editor that
+knows `# %%`. The pages beside this file have the equations.
 """
 
 # %% [markdown]
 # ## A small drive
-# Two rooms with a door between them, a desk and a cupboard, a heap of rubble. A pymunk robot drives through both
-# and back; its laser tilts with it, and its inertial sensor drifts. A seed is a drive: the same one every time.
+# Two rooms with a door between them, a desk, two cupboards, a heap of rubble. A robot drives through both and
+# back; its laser tilts with it, and its inertial sensor drifts. A seed is a drive: the same one every time.
 
 # %%
 import tempfile
@@ -100,8 +100,8 @@ submaps = [cut(recording, scans, found.poses, p.start, p.stop, np.union1d(drawn,
 
 # %% [markdown]
 # ## Stitch
-# Two pieces are joined by their walls alone: no guess of how they lie. An answer states its covariance; a pair
-# that cannot be believed gets a reason instead. See [stitching.md](stitching.md).
+# Two pieces are joined by their walls alone, with no guess of how they lie. An answer states its covariance;
+# a pair that cannot be believed gets a reason instead. See [stitching.md](stitching.md).
 
 # %%
 first, second = submaps[0], submaps[-1]
@@ -118,8 +118,8 @@ else:
 
 # %% [markdown]
 # ## Pose graph
-# The pieces' anchors are nodes, dead reckoning is the chain between them, stitches are loops that may be false.
-# See [pose_graph.md](pose_graph.md).
+# The pieces' anchors are nodes, dead reckoning is the chain between them, stitches are loops that may be
+# false. See [pose_graph.md](pose_graph.md).
 
 # %%
 anchors = np.array([submap.start for submap in submaps])

@@ -18,13 +18,20 @@ if TYPE_CHECKING:
 def as_json(answer: Stitch | NoStitch) -> dict[str, Any]:
     """An answer between two maps in m, m² and rad; ``null`` is what there is none of.
 
-    ``std`` are the standard deviations of the three numbers of ``T_a_b``; ``alternatives`` are the other
+    ``std`` are the standard deviations of the three numbers of ``T_a_b``; ``belief`` is the probability that
+    they are right at all, as of simulated pairs like these; ``alternatives`` are the other
     candidates, best first; of a refusal all of them are, the best one too.
     """
     if isinstance(answer, NoStitch):
         nothing = dict.fromkeys(("T_a_b", "std", "overlap_m2", "agreement", "margin"))
         best = [] if answer.best is None else [answer.best]
-        return {"accepted": False, **nothing, "reason": answer.reason, "alternatives": _listed(best)}
+        return {
+            "accepted": False,
+            **nothing,
+            "reason": answer.reason,
+            "alternatives": _listed(best),
+            "belief": None,
+        }
     return {
         "accepted": True,
         "T_a_b": answer.T_a_b.tolist(),
@@ -34,6 +41,7 @@ def as_json(answer: Stitch | NoStitch) -> dict[str, Any]:
         "margin": margin(answer),
         "reason": None,
         "alternatives": _listed(answer.alternatives),
+        "belief": None if answer.belief is None else _probability(answer.belief),
     }
 
 
@@ -54,6 +62,10 @@ def network_json(network: Network, names: Sequence[str]) -> dict[str, Any]:
             for (a, b), result in network.results.items()
         ],
     }
+
+
+def _probability(log_odds: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-log_odds)))
 
 
 def _listed(alternatives: list[Alternative] | tuple[Alternative, ...]) -> list[dict[str, Any]]:
@@ -86,6 +98,8 @@ def as_text(stitch: Stitch, a: str, b: str) -> str:
         lines.append("  the method tells nothing of how sure it is")
     lines.append(f"  overlap   {stitch.overlap_area:10.1f} m²")
     lines.append(f"  agreement {stitch.agreement:10.2f} of the walls in the overlap are in both maps")
+    if stitch.belief is not None:
+        lines.append(f"  belief    {100.0 * _probability(stitch.belief):10.1f} % that it is right at all")
     left = margin(stitch)
     rival = "none" if left is None else f"{in_words(stitch.alternatives[0].T_a_b)}, margin {left:.2f}"
     lines.append(f"  runner-up {rival}")

@@ -92,7 +92,8 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
         return NoStitch("the prior leaves no alignment at which the maps touch")
     best = candidates[0]
     evidence, standing = shown(scene, candidates, config)
-    reason = reason_against(evidence, standing, belief(evidence, standing), config.acceptance)
+    believed = belief(evidence, standing)
+    reason = reason_against(evidence, standing, believed, config.acceptance)
     if reason is not None:
         return NoStitch(reason, best.alternative)
     located = _located(a, b, scene.field, best, config)
@@ -103,7 +104,7 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
     if reason is not None:
         return NoStitch(reason, Alternative(T_a_b, best.odds))
     others = tuple(other.alternative for other in candidates if other is not best)
-    return Stitch(T_a_b, sigma, best.odds, evidence.overlap_area, evidence.agreement, others)
+    return Stitch(T_a_b, sigma, best.odds, evidence.overlap_area, evidence.agreement, others, believed)
 
 
 def tops(scene: Scene, config: AlignConfig) -> list[Candidate]:

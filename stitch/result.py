@@ -51,7 +51,8 @@ class Stitch:
 
     ``covariance (3, 3)`` in the right tangent, None where the method has none; ``score`` on a scale of the
     method's own, more is better; ``overlap_area`` m² known in both maps; ``agreement`` the share of the
-    walls in the overlap that both maps have; ``alternatives`` the other candidates, best first.
+    walls in the overlap that both maps have; ``alternatives`` the other candidates, best first; ``belief``
+    the log-odds that it is right (`stitch.belief`), None where the method has none.
     """
 
     T_a_b: Array
@@ -60,6 +61,7 @@ class Stitch:
     overlap_area: float
     agreement: float
     alternatives: tuple[Alternative, ...] = ()
+    belief: float | None = None
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenarios.methods import online
+from scenarios.methods.config import MethodConfig
+from scenarios.methods.loops import LoopConfig
+from slam.bundle import BundleConfig
+from slam.combination import BIAS, WEIGHTS
 from slam.confidence import MEASURES
 from slam.formats import carmen, load, ros_map
+from slam.frontend import FrontendConfig
 from slam.occupancy import Grid
 from slam.recording import Laser, Recording
+from stitch import likeness
 from stitch.align import Stitch
+from stitch.belief import Network
+from stitch.config import AlignConfig
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -110,7 +119,7 @@ def test_there_is_a_page_for_every_stage_and_the_index_has_them_all() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_what_a_page_points_at_is_there(page: Path) -> None:
-    text = page.read_text()
+    text = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.M | re.S)
     links = [link.split("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link]
     paths = re.findall(rf"(?<![\w/.])((?:{PACKAGES})/[\w/.]*\w/?)", text)
     assert links or paths
@@ -140,3 +149,31 @@ def importable(dotted: str) -> bool:
     except ModuleNotFoundError:
         return bool(module) and hasattr(importlib.import_module(module), name)
     return True
+
+
+def stated() -> Iterator[tuple[str, str]]:
+    """Page and what it must say, made of the constants of the code."""
+    align, bundle, loops = AlignConfig(), BundleConfig(), LoopConfig()
+    accept = align.acceptance
+    yield "front_end.md", f"last {FrontendConfig().map_scans} keyframes"
+    yield "front_end.md", f"χ² = {FrontendConfig().most_innovation:.0f} from the guess"
+    yield "segmentation.md", f"{BIAS:.2f} + {WEIGHTS['innovation']:.2f} ln innovation".replace("-", "−")
+    yield "segmentation.md", f"fewer than {MethodConfig().segmentation.least_steps} matched steps"
+    yield "stitching.md", f"λ = {align.free_penalty:.0f} (maps that agree)"
+    yield "stitching.md", f"λ = {align.lenient_penalty:.0f} (bent maps, moved furniture)"
+    yield "stitching.md", f"{likeness.BIAS:.2f} (+ {likeness.GUIDED:.2f}".replace("-", "− ")
+    yield "stitching.md", f"{len(Network.learnt().mean)} numbers"
+    yield "stitching.md", f"{len(Network.learnt().offset)} tanh units"
+    yield "stitching.md", f"overlap ≥ {accept.min_overlap:g} m², ≥ {accept.min_open:g} m² free in both"
+    yield "stitching.md", f"log-odds ≥ {accept.min_lead:g} ahead of any rival"
+    yield "stitching.md", f"= {accept.max_innovation} of the prior"
+    yield "pose_graph.md", f"at most {loops.candidates} earlier ones"
+    yield "pose_graph.md", f"w = {loops.window_ins} m with an INS, {loops.window} m without"
+    yield "pose_graph.md", f"distances {', '.join(map(str, bundle.radii))} m"
+    yield "pose_graph.md", f"up to {bundle.neighbours} earlier ones within {bundle.reach:g} m"
+    yield "online.md", f"at most {online.NEIGHBOURS} earlier ones ({online.PER_PASS} of one pass)"
+
+
+def test_the_pages_say_what_the_code_does() -> None:
+    pages = {page.name: " ".join(page.read_text().split()) for page in PAGES}
+    assert [(page, said) for page, said in stated() if said not in pages[page]] == []

@@ -24,6 +24,7 @@ from slam.submap import Submap
 from slam.uncertainty import relative_covariance
 from stitch.align import NoStitch, Prior, Stitch
 from stitch.config import AlignConfig
+from stitch.result import Alternative
 
 BackEnd = Literal["gnc", "dcs", "none", "pcm", "pcm_gnc"]
 BACK_ENDS: dict[BackEnd, tuple[bool, Loss]] = {
@@ -64,7 +65,8 @@ class LoopConfig:
     middles may lie within ``reach`` m, no two of them closer than ``spread`` submaps along the drive. What
     the graph knows of how two submaps lie, its covariance ``inflation``-fold, and ``window`` (for an INS
     ``window_ins``) m and ``window_angle`` rad on top make three sigma that are searched; beyond ``usable``
-    (m, rad) the search is of all alignments. Per submap there is a bounded number of stitches, in at most
+    (m, rad) the search is of all alignments, and what it finds must be believed by ``least_belief`` log-odds.
+    Per submap there is a bounded number of stitches, in at most
     ``rounds`` rounds. Graph distance, where it is asked for: an accepted loop counts ``trusted_edge`` m, a
     failure adds ``broken_edge`` m. ``back_end`` judges the stitches. For ablation: of all stitches a share of
     ``injected`` is made up, drawn with ``injected_seed``.
@@ -79,6 +81,7 @@ class LoopConfig:
     window_angle: float = np.radians(5.0)
     inflation: float = 2.0
     usable: tuple[float, float] = (6.0, np.radians(60.0))
+    least_belief: float = 2.0
     trusted_edge: float = 1.0
     broken_edge: float = 15.0
     rounds: int = 3
@@ -202,7 +205,7 @@ class Search:
         expectations = [(a, self.prior(a, b)) for a in self.candidates(b)]
         for a, expected in expectations:
             prior = expected if self.usable(expected) else None
-            result = stitch(self.submaps[a], self.submaps[b], prior)
+            result = doubted(stitch(self.submaps[a], self.submaps[b], prior), prior, self.config)
             self.results[a, b] = result
             self.tried.append(TriedStitch(a, b, result, turn=turn, prior=prior))
             found |= isinstance(result, Stitch)
@@ -242,6 +245,18 @@ class Search:
     def _all_weights(self) -> Array:
         """Weights of all stitches; one that was not judged yet is trusted."""
         return np.concatenate([self.weights, np.ones(len(self.accepted()) - len(self.weights))])
+
+
+def doubted(result: Stitch | NoStitch, prior: Prior | None, config: LoopConfig) -> Stitch | NoStitch:
+    """A result; one found without a prior only if it is believed enough, as look-alikes are many."""
+    if prior is not None or isinstance(result, NoStitch) or result.belief is None:
+        return result
+    if result.belief >= config.least_belief:
+        return result
+    return NoStitch(
+        f"belief {result.belief:.3g} in a search of everything, expected at least {config.least_belief:.3g}",
+        Alternative(result.T_a_b, result.score),
+    )
 
 
 def _middle(submap: Submap) -> Array:

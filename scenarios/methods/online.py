@@ -16,7 +16,7 @@ import numpy as np
 from scenarios.estimate import Estimate, Live, TriedStitch
 from scenarios.methods import backbone as backbones
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.loops import Stitcher, weighed
+from scenarios.methods.loops import Stitcher, doubted, weighed
 from scenarios.methods.skeleton import Skeleton
 from slam import keyframes, se2
 from slam.companions import without_companion_points
@@ -247,7 +247,8 @@ class Mapper:
         nodes = [int(n) for n in np.searchsorted(self.rows, [skeleton.starts[a], skeleton.starts[b]])]
         skeleton.poses = self.graph.poses()[np.searchsorted(self.rows, skeleton.starts)]
         prior = skeleton.prior(a, b)
-        result = self.stitch(skeleton.submaps[a], skeleton.submaps[b], prior)
+        found = self.stitch(skeleton.submaps[a], skeleton.submaps[b], prior)
+        result = doubted(found, prior, skeleton.config)
         skeleton.results[a, b] = result
         self.tried.append(TriedStitch(a, b, result, prior=prior))
         if not isinstance(result, Stitch):

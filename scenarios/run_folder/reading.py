@@ -119,6 +119,7 @@ def _stitch(story: Mapping[str, Any]) -> Stitch:
         story["overlap_m2"],
         story["agreement"],
         tuple(_alternative(other) for other in story["alternatives"]),
+        story["belief"],
     )
 
 

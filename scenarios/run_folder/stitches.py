@@ -55,6 +55,7 @@ def story(estimate: Estimate, tried: TriedStitch, truth: Array | None) -> dict[s
         "score": result.score,
         "overlap_m2": result.overlap_area,
         "agreement": result.agreement,
+        "belief": result.belief,
         "alternatives": [_alternative(other) for other in result.alternatives],
     }
     error = None if truth is None else stitch_error(estimate, tried, truth)

@@ -109,7 +109,7 @@ def is_true(T_a_b: Sequence[float], a: str, b: str) -> bool:
     return off < 0.1 and turned < 0.5
 
 
-KEYS = ["accepted", "T_a_b", "std", "overlap_m2", "agreement", "margin", "reason", "alternatives"]
+KEYS = ["accepted", "T_a_b", "std", "overlap_m2", "agreement", "margin", "reason", "alternatives", "belief"]
 
 
 def test_json_says_where_and_how_sure(maps: Path) -> None:
@@ -129,6 +129,7 @@ def test_json_says_where_and_how_sure(maps: Path) -> None:
     assert answer["agreement"] > 0.8
     best = answer["alternatives"][0] if answer["alternatives"] else None
     assert (best is None) == (answer["margin"] is None)
+    assert 0.5 <= answer["belief"] <= 1.0
     assert best is None or (set(best) == {"T_a_b", "score"} and answer["margin"] > 0.0)
 
 
