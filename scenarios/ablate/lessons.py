@@ -98,6 +98,7 @@ def fit(given: Lessons, rng: np.random.Generator) -> Network:
     count = x.shape[1]
 
     def loss(theta: Array) -> tuple[float, Array]:
+        """Log-loss and ridge of the weights, and their gradient."""
         inner, offset, outer, bias = _parts(theta, count)
         hidden = np.tanh(x @ inner + offset)
         margin = sign * (hidden @ outer + bias)
