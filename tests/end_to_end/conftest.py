@@ -52,6 +52,12 @@ def command() -> Command:
     return run_command
 
 
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs draw no figures, on which they spend three quarters of their time."""
+    monkeypatch.setattr("scenarios.report.album.drawings", lambda *_: [])
+
+
 @dataclass(frozen=True)
 class Walk:
     """A scenario: the first metres of the hospital's route."""

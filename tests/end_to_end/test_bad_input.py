@@ -155,6 +155,7 @@ def test_bad_logs_are_refused(case, command, here):
     is_refused(command, ["bad.log", "--out", "new/runs"], "bad.log" + ".*" + expected, here)
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_the_good_log_is_good(command, here):
     """Or the refusals above would say nothing."""
     finished = command("good.log", "--methods", "ins", "--relations", "good.relations", "--out", "new/runs")
@@ -163,6 +164,7 @@ def test_the_good_log_is_good(command, here):
     assert " relation_trans_mean " in finished.stdout
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_time_stamps_may_go_backwards(command, here):
     stamps = [1.0, 2.0, 1.5, 1.2, 3.0]
     Path("back.log").write_text("".join(flaser(k, stamp=stamp) for k, stamp in enumerate(stamps)))

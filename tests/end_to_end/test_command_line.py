@@ -97,6 +97,7 @@ def test_progress_goes_to_stderr(done):
         assert re.search(rf"^{stage} +\d+\.\d s$", done.finished.stderr, re.MULTILINE)
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_json_on_stdout_is_the_metrics_file_and_nothing_else(command, drive, tmp_path):
     finished = command(drive, "--methods", "ins", "--format", "json", "--out", tmp_path)
     assert finished.code == 0
@@ -104,6 +105,7 @@ def test_json_on_stdout_is_the_metrics_file_and_nothing_else(command, drive, tmp
     assert {m["method"] for m in json.loads(finished.stdout)["metrics"]} == {"ins"}
 
 
+@pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("mount", [("-0.04", "0", "0.1"), ("0", "-1e-2", "-3")])
 def test_a_laser_mount_may_come_before_or_after_the_log(mount, command, drive, tmp_path):
     from slam.formats import load

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from slam.formats import load, recording_npz
 
@@ -16,6 +17,7 @@ def metrics_of(folder, method):
     return {m["metric"]: m for m in entries if m["method"] == method}
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_online_reports_latency_and_both_errors(command, drive, tmp_path):
     finished = command(drive, "--methods", "ins", "--online", "--out", tmp_path)
     assert finished.code == 0
@@ -33,6 +35,7 @@ def test_online_reports_latency_and_both_errors(command, drive, tmp_path):
     assert metrics_of(tmp_path / "drive-seed0", "ins")["latency_max"]["value"] is None
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_without_dead_reckoning_methods_that_need_it_say_so(command, drive, tmp_path):
     finished = command(drive, "--methods", "ins,wsm,icp", "--no-dead-reckoning", "--out", tmp_path)
     assert finished.code == 0

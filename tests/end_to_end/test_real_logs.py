@@ -13,12 +13,14 @@ def value(folder, method, metric):
     return found["value"]
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_usarsim_dead_reckoning_of_iran_open_2012(command, shared_data, tmp_path):
     log = shared_data / "usarsim" / "iro2012-pre2" / "Robot1.log"
     assert command(log, "--methods", "ins", "--out", tmp_path).code == 0
     assert value(tmp_path / "Robot1-seed0", "ins", "ate_rmse") == pytest.approx(0.051, abs=0.005)
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_carmen_intel_beside_what_gmapping_published(command, shared_data, tmp_path):
     carmen = shared_data / "carmen"
     finished = command(

@@ -69,6 +69,7 @@ def test_config_tells_the_command_and_every_parameter(done, drive):
     assert config["scenario"] == {}
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_config_of_a_simulation_tells_the_scenario_s_settings(command, walk, tmp_path):
     assert command(walk, "--methods", "ins", "--seed", "3", "--out", tmp_path).code == 0
     config = strict(tmp_path / "walk-seed3" / "config.json")
@@ -175,6 +176,7 @@ def test_the_page_carries_its_figures_and_the_command(done):
     assert not re.search(r"<(img|script|link)[^>]*(src|href)=\"(?!data:)", page)
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_latest_is_a_relative_link_to_the_last_run(command, drive, tmp_path):
     other = tmp_path / "other.npz"
     other.write_bytes(drive.read_bytes())
@@ -185,6 +187,7 @@ def test_latest_is_a_relative_link_to_the_last_run(command, drive, tmp_path):
     assert sorted(path.name for path in out.iterdir()) == ["drive-seed0", "latest", "other-seed0"]
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_a_run_replaces_the_one_before_it(command, drive, tmp_path):
     for methods in ("ins", "ins,wsm", "wsm"):
         assert command(drive, "--methods", methods, "--out", tmp_path).code == 0
@@ -192,6 +195,7 @@ def test_a_run_replaces_the_one_before_it(command, drive, tmp_path):
         assert names == {*methods.split(","), "truth"}
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_a_folder_somebody_calls_latest_stays(command, drive, tmp_path):
     (tmp_path / "latest").mkdir()
     assert command(drive, "--methods", "ins", "--out", tmp_path).code == 0
@@ -199,6 +203,7 @@ def test_a_folder_somebody_calls_latest_stays(command, drive, tmp_path):
     assert not (tmp_path / "latest").is_symlink()
 
 
+@pytest.mark.usefixtures("no_figures")
 @pytest.mark.parametrize("fault", [RuntimeError, KeyboardInterrupt])
 @pytest.mark.parametrize("stage", ["method", "writing"])
 def test_a_run_that_dies_leaves_nothing_and_the_one_before_it(

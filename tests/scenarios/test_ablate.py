@@ -6,8 +6,10 @@ import csv
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,6 +29,7 @@ from sim.floorplan import Prism, box, cupboard, table
 from slam import se2
 from stitch.align import NoStitch, Stitch
 
+Command = Callable[..., Any]
 ROOM = [
     box([3.0, 0.0, 0.0], 6.0, 0.1, kind="wall"),
     box([3.0, 6.0, 0.0], 6.0, 0.1, kind="wall"),
@@ -230,13 +233,14 @@ def test_pairs_are_counted_by_a_trial_of_their_own(hives: tuple[Pair, ...]) -> N
     assert row == {"bins": [pair.bin for pair in hives], "stretches": 20, "bent": 3}
 
 
-def test_a_worker_answers_as_this_process_does(hives: tuple[Pair, ...], tmp_path: Path) -> None:
+def test_a_worker_answers_as_this_process_does(
+    hives: tuple[Pair, ...], ablate: Command, tmp_path: Path
+) -> None:
     """The command, with two processes, against the rows made here: the same but for the time they took."""
-    command = [sys.executable, "-m", "scenarios.ablate", "stitching", "--pairs", "1", "--seeds", "102"]
-    command += ["--scenarios", "beehive", "--methods", "htms,orb", "--workers", "2", "--format", "json"]
-    done = subprocess.run([*command, "-o", str(tmp_path)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    variants = [Variant("htms", False), Variant("orb", False)]
+    command = ["stitching", "--pairs", "1", "--seeds", "102", "--scenarios", "beehive", "-o", tmp_path]
+    done = ablate(*command, "--methods", "htms,joint", "--workers", "2", "--format", "json")
+    assert done.code == 0, done.stderr
+    variants = [Variant("htms", False), Variant("joint", False), Variant("joint", True)]
     here = [one for group in zip(*(rows_of(hives, v) for v in variants), strict=True) for one in group]
     with (tmp_path / "results.csv").open(newline="") as file:
         there = list(csv.DictReader(file))
@@ -245,16 +249,19 @@ def test_a_worker_answers_as_this_process_does(hives: tuple[Pair, ...], tmp_path
         expected = {name: str(value) for name, value in asdict(one).items() if name != "seconds"}
         assert expected == {name: value for name, value in other.items() if name != "seconds"}
     printed = json.loads(done.stdout)["lines"]
-    assert {line["method"] for line in printed} == {"htms", "orb"}
+    assert {line["method"] for line in printed} == {"htms", "joint", "joint + prior"}
     assert sum(line["pairs"] for line in printed if line["bin"] == ALL) == len(here)
 
 
-def test_help_names_the_studies() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "scenarios.ablate"], capture_output=True, text=True, check=True
-    )
+def test_from_the_shell() -> None:
+    """Without a word it names the studies; a study that there is none of is exit code 2."""
+    command = [sys.executable, "-m", "scenarios.ablate"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     for name in STUDIES:
         assert name in done.stdout
+    done = subprocess.run([*command, "stiching"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "scenarios.ablate: unknown study 'stiching': did you mean 'stitching'?\n"
 
 
 @pytest.mark.parametrize(
@@ -268,11 +275,9 @@ def test_help_names_the_studies() -> None:
         (["halmstad", "--data", "/nowhere"], "expected a folder"),
     ],
 )
-def test_bad_input_is_one_line(arguments: list[str], complaint: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "scenarios.ablate", *arguments], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
+def test_bad_input_is_one_line(ablate: Command, arguments: list[str], complaint: str) -> None:
+    done = ablate(*arguments)
+    assert done.code == 2
     assert complaint in done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""

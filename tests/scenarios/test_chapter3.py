@@ -160,6 +160,13 @@ def test_bad_input_is_one_line(arguments: list[str], complaint: str, monkeypatch
     assert said.count("\n") == 1
 
 
+def test_bad_input_from_the_shell_is_exit_code_2() -> None:
+    command = [sys.executable, "-m", "scenarios.report", "chapter4"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+
+
 def test_help_is_instant() -> None:
     started = time.perf_counter()
     shown = subprocess.run(

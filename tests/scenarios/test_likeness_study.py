@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -179,14 +179,9 @@ def test_one_kind_of_alignments_teaches_nothing(monkeypatch: pytest.MonkeyPatch,
         run(Options(scenarios="beehive", seeds="200", workers=1, out=tmp_path))
 
 
-def test_reported_seeds_are_refused() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "scenarios.ablate", "likeness", "--seeds", "99-101"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
+def test_reported_seeds_are_refused(ablate: Callable[..., Any]) -> None:
+    done = ablate("likeness", "--seeds", "99-101")
+    assert done.code == 2
     assert "expected seeds from 100 on" in done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""

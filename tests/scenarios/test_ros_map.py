@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scenarios.catalogue.ros_map import MappedBuilding
-from scenarios.cli import BadInput, Pose, parse
-from scenarios.run import COMMAND, Options, checked
+from scenarios.cli import BadInput, Pose, main, parse
+from scenarios.run import COMMAND, Options, checked, run
 from scenarios.source import simulated
 from sim.record import simulate
 from slam import se2
@@ -39,15 +37,15 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_a_drive_through_the_map_sees_its_walls(file: Path) -> None:
-    run = simulate(MappedBuilding(file), 0)
-    found, grid = run.recording, flat()
+    driven = simulate(MappedBuilding(file), 0)
+    found, grid = driven.recording, flat()
     assert found.name == "flat"
-    assert run.ending == "completed"
+    assert driven.ending == "completed"
     assert found.truth is not None
     column = np.floor((found.truth[:, 0] - ORIGIN[0]) / RESOLUTION).astype(int)
     assert np.any(column < 80)
     assert np.any(column > 90)  # both rooms
-    level = np.abs(run.tilt).max(axis=1) < np.deg2rad(0.5)
+    level = np.abs(driven.tilt).max(axis=1) < np.deg2rad(0.5)
     beams = np.stack([found.ranges * np.cos(found.angles), found.ranges * np.sin(found.angles)], -1)
     ends = se2.transform(se2.compose(found.truth, found.laser.T_robot_laser), beams)[level].reshape(-1, 2)
     ends = ends[np.isfinite(ends[:, 0])][::50]
@@ -146,14 +144,14 @@ def test_options_that_a_map_does_not_have(
         checked(parse(Options, COMMAND))
 
 
-def test_the_command_runs_a_map_and_refuses_a_start_in_a_wall(file: Path) -> None:
-    line = [sys.executable, "-m", "scenarios.run", str(file), "--methods", "ins", "--out", str(file.parent)]
-    done = subprocess.run(line, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+def test_the_command_runs_a_map_and_refuses_a_start_in_a_wall(
+    file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["run", str(file), "--methods", "ins", "--out", str(file.parent)]
+    monkeypatch.setattr("sys.argv", line)
+    assert main(Options, COMMAND, run) == 0
     assert (file.parent / "flat-seed0" / "metrics.json").is_file()
-    done = subprocess.run(
-        [*line, "--seed", "1", "--start", "2.27", "2.0", "0"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert "start (2.27, 2) is inside a wall" in done.stderr.splitlines()[-1]
+    monkeypatch.setattr("sys.argv", [*line, "--seed", "1", "--start", "2.27", "2.0", "0"])
+    assert main(Options, COMMAND, run) == 2
+    assert "start (2.27, 2) is inside a wall" in capsys.readouterr().err.splitlines()[-1]
     assert not (file.parent / "flat-seed1").exists()

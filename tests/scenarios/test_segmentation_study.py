@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import json
 import re
-import subprocess
-import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ from scenarios.ablate.segmentation.statistics import Mean, comparisons, flipped,
 from scenarios.ablate.segmentation.table import results_csv
 from scenarios.ablate.segmentation.verdict import between, verdict
 from scenarios.ablate.study import confidence, segmentation
+from scenarios.catalogue import CATALOGUE
 from scenarios.cli import BadInput
 from scenarios.evaluation.segmentation import purity, true_errors
 from scenarios.evaluation.trajectory import aligned
@@ -31,6 +32,7 @@ from slam.confidence import MEASURES
 from slam.segmentation import THRESHOLDS, Segment
 from slam.track import Track, Verdict
 
+Beginning = Callable[[str, float], Any]
 NAN, INF = np.nan, np.inf
 
 
@@ -41,26 +43,11 @@ def track(poses: np.ndarray, reference: list[int], verdict: list[int]) -> Track:
 
 
 @pytest.fixture(scope="module")
-def drive() -> Driven:
+def drive(begun: Beginning) -> Driven:
     """The beginning of a drive through rubble, where ManifoldSLAM is soon lost."""
-    whole = driven("collapsed", 100)
-    rows = slice(0, 260)
-    recording = replace(
-        whole.recording,
-        time=whole.recording.time[rows],
-        ranges=whole.recording.ranges[rows],
-        dead_reckoning=whole.recording.dead_reckoning[rows],
-        attitude=None if whole.recording.attitude is None else whole.recording.attitude[rows],
-        truth=None if whole.recording.truth is None else whole.recording.truth[rows],
-        odometry=None,
-    )
-    t = whole.track
-    columns = {name: column[rows] for name, column in t.confidence.items()}
-    begun = Track(
-        t.poses[rows], t.verdict[rows], t.reference[rows], t.covariance[rows], t.information[rows],
-        t.matches[rows], columns,
-    )  # fmt: skip
-    return Driven(recording, whole.scans[rows], begun, whole.true_map)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(CATALOGUE, "collapsed", begun("collapsed", 78.0))
+        return driven("collapsed", 100)
 
 
 # What is called lost
@@ -368,19 +355,20 @@ def test_nothing_is_learnt_from_reported_seeds() -> None:
         confidence.run(confidence.Options(seeds="3"))
 
 
-def test_the_study_from_the_shell(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "scenarios.ablate", "segmentation", "--scenarios", "beehive"]
-    command += ["--seeds", "101-101", "--measures", "neg_matches,combined", "--no-maps", "--workers", "1"]
-    done = subprocess.run(
-        [*command, "--format", "json", "-o", str(tmp_path)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+def test_the_command(
+    ablate: Callable[..., Any], begun: Beginning, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(CATALOGUE, "collapsed", begun("collapsed", 60.0))
+    command = ["segmentation", "--scenarios", "collapsed", "--seeds", "101-101", "--measures"]
+    command += ["neg_matches,combined", "--no-maps", "--workers", "1", "-o", str(tmp_path)]
+    done = ablate(*command, "--format", "json")
+    assert done.code == 0, done.stderr
     said = json.loads(done.stdout)
     assert {line["measure"] for line in said["measures"]} == {"neg_matches", "combined"}
     names = {"results.csv", "index.html", "precision_recall.png", "correlation.png", "timeline.png"}
     assert names <= {file.name for file in tmp_path.iterdir()}
     before = (tmp_path / "results.csv").read_bytes()
-    again = subprocess.run([*command, "-o", str(tmp_path)], capture_output=True, text=True, check=False)
-    assert again.returncode == 0, again.stderr
+    again = ablate(*command)
+    assert again.code == 0, again.stderr
     assert "combined" in again.stdout
     assert (tmp_path / "results.csv").read_bytes() == before

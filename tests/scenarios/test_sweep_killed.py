@@ -19,7 +19,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from scenarios.sweep import Answer, sweep
+from scenarios.sweep import Answer, cluster, sweep
 from scenarios.sweep.store import opened
 from scenarios.sweep.version import code_version
 
@@ -67,6 +67,11 @@ class House:
         self.kill(name)
         self.members[name] = self.start(name)
 
+    def work(self, trials: int) -> None:
+        """Wait until so many more trials are begun, or the sweep is over."""
+        enough = len(begun(self.log)) + trials
+        _wait(lambda: len(begun(self.log)) >= enough or self.members["sweep"].exitcode is not None)
+
 
 @pytest.fixture
 def house(toy: ModuleType, tmp_path: Path) -> Iterator[House]:
@@ -88,13 +93,17 @@ def begun(log: Path) -> list[tuple[int, str]]:
     return [(int(seed), method) for seed, method in (line.split() for line in lines)]
 
 
-def test_twenty_kills_change_nothing(toy: ModuleType, house: House, tmp_path: Path) -> None:
-    """Sweep, worker or scheduler die at random moments; the sweep is started again where it died."""
+def test_twenty_kills_change_nothing(
+    toy: ModuleType, house: House, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sweep, worker or scheduler die at random moments, some before they have begun to work; the sweep is
+    started again where it died."""
     rng = np.random.default_rng(0)
     victims = rng.permutation(["sweep", "worker 1", "worker 2", "scheduler"] * 5)
     known: set[tuple[int, str]] = set()
     for victim in victims:
-        time.sleep(rng.uniform(0.1, 0.5))
+        house.work(rng.choice([0, 2, 5]))
+        time.sleep(rng.uniform(0.0, 0.3))
         if victim == "scheduler":  # its workers and its sweep leave, too
             house.kill("scheduler")
             house.members["sweep"].join(20.0)
@@ -118,12 +127,16 @@ def test_twenty_kills_change_nothing(toy: ModuleType, house: House, tmp_path: Pa
     survived = sweep(asked, toy.answer, house.store, prepare=toy.prepare)
     assert (survived.ran, survived.reused) == (0, 2 * DRIVES)
     calm = toy.trials(DRIVES, SECONDS, str(house.log))
+    monkeypatch.setattr(time, "sleep", lambda seconds: None)  # trials nap
     undisturbed = sweep(calm, toy.answer, tmp_path / "calm.sqlite", prepare=toy.prepare, workers=1)
     assert toy.table(survived) == toy.table(undisturbed)
 
 
-def test_whoever_kills_its_workers_is_recorded_and_the_others_go_on(toy: ModuleType, tmp_path: Path) -> None:
+def test_whoever_kills_its_workers_is_recorded_and_the_others_go_on(
+    toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Processes of this machine: one trial dies with every worker that tries it, one raises."""
+    monkeypatch.setattr(cluster, "RECOUNT", toy.OFTEN)
     store = tmp_path / "sweep.sqlite"
     swept = sweep(toy.trials(3), toy.suicidal, store, prepare=toy.prepare, workers=2)
     assert [(trial.seed, trial.method, found.line) for trial, found in swept.failed] == [
@@ -138,20 +151,25 @@ def test_whoever_kills_its_workers_is_recorded_and_the_others_go_on(toy: ModuleT
 def test_workers_of_a_killed_sweep_do_not_outlive_it(toy: ModuleType, tmp_path: Path) -> None:
     """Nor those of an interrupted one, which says so in one line."""
     code = (
-        "import sys, toy_sweep as toy; from pathlib import Path; from scenarios.sweep import sweep;"
+        "import sys, toy_sweep as toy, signal; from pathlib import Path; from scenarios.sweep import sweep;"
+        "signal.signal(signal.SIGINT, signal.default_int_handler);"  # else as the shell has it
         "from scenarios import cli; from dataclasses import make_dataclass;"
         "O = make_dataclass('O', []); trials = toy.trials(9, 5.0, sys.argv.pop());"
         "go = lambda o: sweep(trials, toy.answer, None, prepare=toy.prepare, workers=2);"
         "sys.exit(cli.main(O, 'toy', go))"
     )
-    for number, expected in ((signal.SIGKILL, (-9, "")), (signal.SIGINT, (130, "toy: interrupted\n"))):
-        log = tmp_path / f"log{number}"
-        process = subprocess.Popen([sys.executable, "-c", code, str(log)], stderr=subprocess.PIPE, text=True)
-        _wait(lambda log=log: len(begun(log)) == 2)
+    ends = {signal.SIGKILL: (-9, ""), signal.SIGINT: (130, "toy: interrupted\n")}
+    logs = {number: tmp_path / f"log{number}" for number in ends}
+    processes = {
+        number: subprocess.Popen([sys.executable, "-c", code, str(log)], stderr=subprocess.PIPE, text=True)
+        for number, log in logs.items()
+    }
+    for number, process in processes.items():
+        _wait(lambda number=number: len(begun(logs[number])) >= 2)
         workers = _children(process.pid)
         assert len(workers) == 2
         process.send_signal(number)
-        assert (process.wait(20.0), process.stderr.read()) == expected  # type: ignore[union-attr]
+        assert (process.wait(20.0), process.stderr.read()) == ends[number]  # type: ignore[union-attr]
         _wait(lambda workers=workers: not any(Path(f"/proc/{pid}/cmdline").exists() for pid in workers))
 
 

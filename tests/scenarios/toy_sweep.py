@@ -13,9 +13,11 @@ from functools import partial
 from pathlib import Path
 
 from scenarios.cli import BadInput
-from scenarios.sweep import Answer, Swept, Trial, sweep
+from scenarios.sweep import Answer, Swept, Trial, cluster, sweep
 
 METHODS = ("plain", "odd")
+OFTEN = 0.1
+"""Seconds after which workers are counted again where they die all the time."""
 
 
 def trials(drives: int, seconds: float = 0.0, log: str = "") -> list[Trial]:
@@ -75,6 +77,7 @@ def worker(port: int) -> None:
 
 def sweeper(port: int, store: Path, drives: int, seconds: float, log: str) -> None:
     """A sweep, as a process: exits with 2 when the scheduler goes."""
+    cluster.RECOUNT = OFTEN
     try:
         run = partial(sweep, answer=answer, store=store, prepare=prepare)
         run(trials(drives, seconds, log), scheduler=f"tcp://127.0.0.1:{port}")

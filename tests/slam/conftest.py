@@ -9,10 +9,11 @@ import pytest
 
 from sim.laser import Raycaster
 from slam import se2
+from slam.confidence import MEASURES
 from slam.recording import Laser, Recording
 from slam.scan import Scan
 from slam.se2 import Array
-from slam.track import Track
+from slam.track import Track, Verdict
 
 LASER = Laser(range_max=20.0, sigma_range=0.01)
 ANGLES = np.radians(np.linspace(-90.0, 90.0, 181))
@@ -77,6 +78,53 @@ def record() -> Callable[..., Recording]:
         )
 
     return record
+
+
+@pytest.fixture(scope="session")
+def straight() -> Callable[..., Array]:
+    """True poses ``(n, 3)`` of a straight drive in the room."""
+
+    def straight(n: int = 25, step: float = 0.12) -> Array:
+        return np.column_stack([1.0 + step * np.arange(n), np.full(n, 3.2), np.zeros(n)])
+
+    return straight
+
+
+@pytest.fixture(scope="session")
+def curve() -> Callable[..., Array]:
+    """True poses ``(n, 3)`` of a turn by 2 rad in the room."""
+
+    def curve(n: int = 30) -> Array:
+        angle = np.linspace(0.0, 2.0, n)
+        return np.column_stack([2.0 + 1.2 * np.sin(angle), 3.4 - 1.2 * np.cos(angle), angle])
+
+    return curve
+
+
+@pytest.fixture(scope="session")
+def assert_consistent() -> Callable[[Track], None]:
+    """What holds of every track; ManifoldSLAM's block covariances may be indefinite, as the published are."""
+
+    def assert_consistent(found: Track) -> None:
+        n = len(found)
+        matched, skipped = found.verdict == Verdict.MATCHED, found.verdict == Verdict.SKIPPED
+        assert np.all(np.isfinite(found.poses))
+        assert np.all(np.abs(found.poses[:, 2]) <= np.pi)
+        assert found.verdict[0] == Verdict.SKIPPED
+        np.testing.assert_array_equal(found.reference[skipped], -1)
+        assert np.all(found.reference[~skipped] < np.arange(n)[~skipped])
+        assert np.all(found.reference[~skipped] >= 0)
+        assert np.all(np.isnan(found.covariance[skipped]))
+        assert np.all(np.isfinite(found.covariance[~skipped]))
+        np.testing.assert_allclose(found.covariance, np.swapaxes(found.covariance, 1, 2), atol=1e-12)
+        assert np.all(found.information[~matched] == 0.0)
+        assert np.all(np.linalg.eigvalsh(found.information[matched])[:, -1] > 0.0)
+        assert set(found.confidence) == set(MEASURES)
+        for name, column in found.confidence.items():
+            if name != "tilt":  # not every recording tells the attitude
+                np.testing.assert_array_equal(np.isnan(column), skipped)
+
+    return assert_consistent
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,29 +9,19 @@ import numpy as np
 import pytest
 
 from slam import dead_reckoning, se2
-from slam.confidence import MEASURES
-from slam.frontend import MANIFOLD_SLAM, FrontendConfig, Tracker, tilted_scans, track
+from slam.frontend import MANIFOLD_SLAM, FrontendConfig, track
 from slam.recording import Recording
-from slam.scan import scans_of
 from slam.se2 import Array
 from slam.track import Track, Verdict
 
 Record = Callable[..., Recording]
+Drive = Callable[..., Array]
 Rms = Callable[[Array, Array], float]
+Check = Callable[[Track], None]
 
 CONFIGS = {"default": FrontendConfig(), "manifold": MANIFOLD_SLAM}
 SOURCES = ("ins", "odometry")
 ANY_STEP = FrontendConfig(most_innovation=np.inf)
-
-
-def straight(n: int = 25, step: float = 0.12) -> Array:
-    """True poses ``(n, 3)`` of a straight drive in the room."""
-    return np.column_stack([1.0 + step * np.arange(n), np.full(n, 3.2), np.zeros(n)])
-
-
-def curve(n: int = 30) -> Array:
-    angle = np.linspace(0.0, 2.0, n)
-    return np.column_stack([2.0 + 1.2 * np.sin(angle), 3.4 - 1.2 * np.cos(angle), angle])
 
 
 def wheels(truth: Array, seed: int = 1, scale: float = 1.05) -> Array:
@@ -51,34 +40,13 @@ def ins(truth: Array) -> Array:
     return np.column_stack([truth[:, :2], se2.wrap(truth[:, 2] * 1.15)])
 
 
-def assert_consistent(found: Track) -> None:
-    """What holds of every track; ManifoldSLAM's block covariances may be indefinite, as the published are."""
-    n = len(found)
-    matched, skipped = found.verdict == Verdict.MATCHED, found.verdict == Verdict.SKIPPED
-    assert np.all(np.isfinite(found.poses))
-    assert np.all(np.abs(found.poses[:, 2]) <= np.pi)
-    assert found.verdict[0] == Verdict.SKIPPED
-    np.testing.assert_array_equal(found.reference[skipped], -1)
-    assert np.all(found.reference[~skipped] < np.arange(n)[~skipped])
-    assert np.all(found.reference[~skipped] >= 0)
-    assert np.all(np.isnan(found.covariance[skipped]))
-    assert np.all(np.isfinite(found.covariance[~skipped]))
-    np.testing.assert_allclose(found.covariance, np.swapaxes(found.covariance, 1, 2), atol=1e-12)
-    assert np.all(found.information[~matched] == 0.0)
-    assert np.all(np.linalg.eigvalsh(found.information[matched])[:, -1] > 0.0)
-    assert set(found.confidence) == set(MEASURES)
-    for name, column in found.confidence.items():
-        if name != "tilt":  # not every recording tells the attitude
-            np.testing.assert_array_equal(np.isnan(column), skipped)
-
-
 # Drives in a room
 
 
 @pytest.mark.parametrize("name", CONFIGS)
 @pytest.mark.parametrize("source", SOURCES)
 def test_a_straight_drive_with_perfect_odometry(
-    room: Array, record: Record, rms: Rms, name: str, source: str
+    room: Array, record: Record, rms: Rms, straight: Drive, assert_consistent: Check, name: str, source: str
 ) -> None:
     found = track(record(room, straight(), source=source), CONFIGS[name])
     assert_consistent(found)
@@ -87,13 +55,15 @@ def test_a_straight_drive_with_perfect_odometry(
     np.testing.assert_array_equal(found.poses[0], straight()[0])
 
 
-def test_without_noise_it_stays_on_the_millimetre(room: Array, record: Record) -> None:
+def test_without_noise_it_stays_on_the_millimetre(room: Array, record: Record, straight: Drive) -> None:
     found = track(record(room, straight(), noise=0.0))
     np.testing.assert_allclose(found.poses, straight(), atol=0.002)
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_wheels_that_slip_are_put_right(room: Array, record: Record, rms: Rms, name: str) -> None:
+def test_wheels_that_slip_are_put_right(
+    room: Array, record: Record, rms: Rms, curve: Drive, assert_consistent: Check, name: str
+) -> None:
     truth = curve()
     recording = record(room, truth, wheels(truth))
     found = track(recording, CONFIGS[name])
@@ -103,14 +73,14 @@ def test_wheels_that_slip_are_put_right(room: Array, record: Record, rms: Rms, n
     assert np.max(np.abs(se2.wrap(found.poses[:, 2] - truth[:, 2]))) < np.radians(1.5)
 
 
-def test_an_ins_whose_yaw_drifts_is_put_right(room: Array, record: Record, rms: Rms) -> None:
+def test_an_ins_whose_yaw_drifts_is_put_right(room: Array, record: Record, rms: Rms, curve: Drive) -> None:
     truth = curve()
     found = track(record(room, truth, ins(truth), source="ins"))
     assert rms(found.poses, truth) < 0.01
     assert np.max(np.abs(se2.wrap(found.poses[:, 2] - truth[:, 2]))) < np.radians(1.5)
 
 
-def test_the_laser_mount_counts(room: Array, record: Record, rms: Rms) -> None:
+def test_the_laser_mount_counts(room: Array, record: Record, rms: Rms, curve: Drive) -> None:
     truth = curve()
     mount = np.array([-0.3, 0.1, 0.4])
     behind = record(room, se2.compose(truth, mount)).with_laser_mount(mount)
@@ -119,14 +89,14 @@ def test_the_laser_mount_counts(room: Array, record: Record, rms: Rms) -> None:
     assert rms(track(recording.with_laser_mount(np.zeros(3))).poses, truth) > 0.05
 
 
-def test_the_same_twice(room: Array, record: Record) -> None:
+def test_the_same_twice(room: Array, record: Record, curve: Drive) -> None:
     recording = record(room, curve(), wheels(curve()))
     first, second = track(recording), track(recording)
     np.testing.assert_array_equal(first.poses, second.poses)
     np.testing.assert_array_equal(first.covariance, second.covariance)
 
 
-def test_the_truth_is_not_read(room: Array, record: Record) -> None:
+def test_the_truth_is_not_read(room: Array, record: Record, curve: Drive) -> None:
     recording = record(room, curve(), wheels(curve()))
     blindfolded = track(replace(recording, truth=None))
     np.testing.assert_array_equal(blindfolded.poses, track(recording).poses)
@@ -135,7 +105,9 @@ def test_the_truth_is_not_read(room: Array, record: Record) -> None:
 # ManifoldSLAM's flaw: its seed is the absolute dead-reckoned pose
 
 
-def test_manifold_slam_snaps_to_the_ins_once_they_differ_by_half_a_metre(room: Array, record: Record) -> None:
+def test_manifold_slam_snaps_to_the_ins_once_they_differ_by_half_a_metre(
+    room: Array, record: Record, straight: Drive
+) -> None:
     truth = straight(40, 0.1)
     wander = np.column_stack([np.zeros(40), 0.03 * np.arange(40), np.zeros(40)])
     recording = record(room, truth, truth + wander, source="ins")
@@ -158,7 +130,9 @@ def test_manifold_slam_snaps_to_the_ins_once_they_differ_by_half_a_metre(room: A
     np.testing.assert_allclose(sideways(ours), 0.0, atol=0.02)
 
 
-def test_a_far_seed_falls_back_to_the_ins_itself(room: Array, record: Record) -> None:
+def test_a_far_seed_falls_back_to_the_ins_itself(
+    room: Array, record: Record, straight: Drive, assert_consistent: Check
+) -> None:
     truth = straight(20, 0.1)
     jump = np.where(np.arange(20)[:, None] >= 10, [30.0, 0.0, 0.0], [0.0, 0.0, 0.0])
     recording = record(room, truth, truth + jump, source="ins")
@@ -177,7 +151,9 @@ def test_a_far_seed_falls_back_to_the_ins_itself(room: Array, record: Record) ->
 
 @pytest.mark.parametrize("name", CONFIGS)
 @pytest.mark.parametrize("source", SOURCES)
-def test_blind_scans_fall_back_to_dead_reckoning(room: Array, record: Record, name: str, source: str) -> None:
+def test_blind_scans_fall_back_to_dead_reckoning(
+    room: Array, record: Record, straight: Drive, assert_consistent: Check, name: str, source: str
+) -> None:
     truth = straight()
     recording = record(room, truth, source=source)
     ranges = recording.ranges.copy()
@@ -199,7 +175,9 @@ def test_blind_scans_fall_back_to_dead_reckoning(room: Array, record: Record, na
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_a_wholly_blind_drive_is_its_dead_reckoning(room: Array, record: Record, name: str) -> None:
+def test_a_wholly_blind_drive_is_its_dead_reckoning(
+    room: Array, record: Record, straight: Drive, assert_consistent: Check, name: str
+) -> None:
     recording = record(room, straight(), wheels(straight()))
     found = track(replace(recording, ranges=np.full_like(recording.ranges, np.nan)), CONFIGS[name])
     assert_consistent(found)
@@ -208,14 +186,18 @@ def test_a_wholly_blind_drive_is_its_dead_reckoning(room: Array, record: Record,
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_a_single_scan(room: Array, record: Record, name: str) -> None:
+def test_a_single_scan(
+    room: Array, record: Record, straight: Drive, assert_consistent: Check, name: str
+) -> None:
     found = track(record(room, straight(1)), CONFIGS[name])
     assert_consistent(found)
     assert len(found) == 1
     np.testing.assert_array_equal(found.poses, straight(1))
 
 
-def test_at_rest_scans_are_skipped(room: Array, record: Record) -> None:
+def test_at_rest_scans_are_skipped(
+    room: Array, record: Record, straight: Drive, assert_consistent: Check
+) -> None:
     truth = np.concatenate([straight(4), np.tile(straight(4)[-1], (5, 1)), straight(8)[4:]])
     found = track(record(room, truth), MANIFOLD_SLAM)
     assert_consistent(found)
@@ -225,7 +207,7 @@ def test_at_rest_scans_are_skipped(room: Array, record: Record) -> None:
     assert found.verdict[9] == Verdict.MATCHED
 
 
-def test_creeping_adds_up_until_it_counts(room: Array, record: Record) -> None:
+def test_creeping_adds_up_until_it_counts(room: Array, record: Record, straight: Drive) -> None:
     creeping = straight(13, 0.008)
     found = track(record(room, creeping), MANIFOLD_SLAM)
     np.testing.assert_array_equal(np.flatnonzero(found.verdict == Verdict.MATCHED), [3, 6, 9, 12])
@@ -234,7 +216,7 @@ def test_creeping_adds_up_until_it_counts(room: Array, record: Record) -> None:
 # Settings
 
 
-def test_a_match_of_too_much_variance_is_not_believed(room: Array, record: Record) -> None:
+def test_a_match_of_too_much_variance_is_not_believed(room: Array, record: Record, straight: Drive) -> None:
     recording = record(room, straight())
     strict = track(recording, replace(MANIFOLD_SLAM, most_variance=1e-3))
     assert np.all(strict.verdict[1:] == Verdict.FELL_BACK)
@@ -243,7 +225,7 @@ def test_a_match_of_too_much_variance_is_not_believed(room: Array, record: Recor
     assert np.all(strict.matches[1:] > 100)
 
 
-def test_a_match_that_did_not_settle_is_not_believed(room: Array, record: Record) -> None:
+def test_a_match_that_did_not_settle_is_not_believed(room: Array, record: Record, curve: Drive) -> None:
     truth = curve()
     hasty = replace(MANIFOLD_SLAM, match=replace(MANIFOLD_SLAM.match, most_iterations=1))
     found = track(record(room, truth, wheels(truth, scale=1.3)), hasty)
@@ -271,7 +253,7 @@ def test_information_of_a_match_is_in_the_body_of_the_scan(corridor: Array, reco
     assert np.all(found.information[1:, 0, 0] > 1e3 * found.information[1:, 1, 1])
 
 
-def test_keyframes_are_what_scans_are_matched_to(room: Array, record: Record) -> None:
+def test_keyframes_are_what_scans_are_matched_to(room: Array, record: Record, straight: Drive) -> None:
     recording = record(room, straight(25, 0.06))
     found = track(recording, MANIFOLD_SLAM)
     # Every 0.2 m: the fourth scan of 6 cm steps becomes the next patch.
@@ -281,21 +263,9 @@ def test_keyframes_are_what_scans_are_matched_to(room: Array, record: Record) ->
     np.testing.assert_array_equal(ours.reference[1:], np.arange(24))
 
 
-def test_tilted_scans_stand_out_from_their_neighbours(room: Array, record: Record) -> None:
-    attitude = np.zeros((60, 2))
-    attitude[30:] += [3.1, -0.4]  # the robot flips and stays on its back
-    attitude[10, 0] = 0.2
-    attitude[45, 1] += 0.12
-    attitude[50, 1] += 0.05
-    attitude[31::2, 0] += 0.07  # about half a turn, where the sign of what is logged flips
-    recording = record(room, straight(60, 0.05), attitude=se2.wrap(attitude))
-    found = np.flatnonzero(tilted_scans(recording, np.radians(5.0), window=11))
-    np.testing.assert_array_equal(found, [10, 45])
-    assert not np.any(tilted_scans(recording, np.inf))
-    assert not np.any(tilted_scans(replace(recording, attitude=None), np.radians(5.0)))
-
-
-def test_tilted_scans_are_not_matched(room: Array, record: Record) -> None:
+def test_tilted_scans_are_not_matched(
+    room: Array, record: Record, straight: Drive, assert_consistent: Check
+) -> None:
     attitude = np.zeros((25, 2))
     attitude[7:9] = 0.2
     recording = record(room, straight(), attitude=attitude)
@@ -303,19 +273,6 @@ def test_tilted_scans_are_not_matched(room: Array, record: Record) -> None:
     assert_consistent(found)
     np.testing.assert_array_equal(np.flatnonzero(found.verdict == Verdict.FELL_BACK), [7, 8])
     assert np.all(track(recording, MANIFOLD_SLAM).verdict[1:] == Verdict.MATCHED)
-
-
-def test_what_a_tilted_laser_saw_is_not_in_the_map(room: Array, record: Record) -> None:
-    attitude = np.zeros((25, 2))
-    attitude[7:10] = 0.2
-    recording = record(room, straight(), attitude=attitude)
-    floor, nothing = recording.ranges.copy(), recording.ranges.copy()
-    floor[7:10] -= 0.1
-    nothing[7:10] = np.nan
-    found = track(replace(recording, ranges=floor), FrontendConfig(extend_distance=0.1))
-    expected = track(replace(recording, ranges=nothing), FrontendConfig(extend_distance=0.1))
-    np.testing.assert_array_equal(found.poses, expected.poses)
-    np.testing.assert_array_equal(found.matches[10:], expected.matches[10:])
 
 
 @pytest.mark.parametrize(
@@ -336,7 +293,9 @@ def test_what_a_tilted_laser_saw_is_not_in_the_map(room: Array, record: Record) 
     ],
     ids=lambda change: next(iter(change)),
 )
-def test_every_setting_changes_something(room: Array, record: Record, change: dict[str, object]) -> None:
+def test_every_setting_changes_something(
+    room: Array, record: Record, curve: Drive, change: dict[str, object]
+) -> None:
     truth = curve()
     attitude = 0.03 * np.random.default_rng(2).standard_normal((len(truth), 2))
     recording = record(room, truth, wheels(truth), attitude=attitude)
@@ -344,7 +303,9 @@ def test_every_setting_changes_something(room: Array, record: Record, change: di
     assert not np.array_equal(found.covariance, other.covariance, equal_nan=True)
 
 
-def test_calibration_changes_what_an_ins_predicts(room: Array, record: Record, rms: Rms) -> None:
+def test_calibration_changes_what_an_ins_predicts(
+    room: Array, record: Record, rms: Rms, curve: Drive
+) -> None:
     truth = curve(60)
     turned = se2.between(np.array([0.0, 0.0, 0.15]), truth)  # the sensor counts in a world turned by 8.6°
     recording = record(room, truth, turned, source="ins")
@@ -366,91 +327,3 @@ def test_an_answer_ten_deviations_from_the_seed_is_not_believed(corridor: Array,
     assert np.mean(strict.verdict[1:] == Verdict.FELL_BACK) > 0.3
     assert strict.poses[-1, 0] > 0.8 * truth[-1, 0]
     assert lenient.poses[-1, 0] < 0.7 * truth[-1, 0]
-
-
-def test_memory_does_not_grow_with_the_drive(room: Array, record: Record) -> None:
-    loop = np.concatenate([straight(), straight()[::-1]])
-    recording = record(room, np.tile(loop, (14, 1)))
-    short = replace(recording, **_cut(recording, 300))
-
-    def peak(drive: Recording) -> int:
-        tracemalloc.start()
-        track(drive)
-        size = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return size
-
-    track(short)
-    per_scan = (peak(recording) - peak(short)) / (len(recording) - len(short))
-    assert per_scan < 2500  # its row of the track: pose, covariances, information and measures
-
-
-def _cut(recording: Recording, n: int) -> dict[str, object]:
-    """The first n scans' worth of everything that has one row for each."""
-    return {name: getattr(recording, name)[:n] for name in ("time", "ranges", "dead_reckoning", "truth")}
-
-
-# Scan by scan
-
-
-@pytest.mark.parametrize("name", CONFIGS)
-def test_a_step_sees_nothing_of_what_comes_later(room: Array, record: Record, name: str) -> None:
-    truth = curve()
-    recording = record(room, truth, ins(truth), source="ins")
-    whole = track(recording, CONFIGS[name])
-    tracker = Tracker(recording, CONFIGS[name], np.zeros(len(truth), dtype=bool))
-    for k, scan in enumerate(scans_of(recording)[:12]):
-        tracker.step(scan)
-        np.testing.assert_array_equal(tracker.poses, whole.poses[: k + 1])
-    part = tracker.track(since=4)
-    np.testing.assert_array_equal(part.poses, whole.poses[4:12])
-    np.testing.assert_array_equal(part.verdict, whole.verdict[4:12])
-    for measure, column in part.confidence.items():
-        np.testing.assert_array_equal(column, whole.confidence[measure][4:12])
-
-
-def test_a_causal_median_of_the_tilt(room: Array, record: Record) -> None:
-    """A fall tilts until half of the window is fallen; what comes later changes nothing."""
-    attitude = np.zeros((25, 2))
-    attitude[10:, 0] = 0.2
-    recording = record(room, straight(), attitude=attitude)
-    tilted = tilted_scans(recording, np.radians(5.0), 7, centred=False)
-    np.testing.assert_array_equal(np.flatnonzero(tilted), [10, 11, 12])
-    np.testing.assert_array_equal(np.flatnonzero(tilted_scans(recording, np.radians(5.0), 7)), [])
-    for n in range(1, 25):
-        short = record(room, straight(n), attitude=attitude[:n])
-        np.testing.assert_array_equal(tilted_scans(short, np.radians(5.0), 7, centred=False), tilted[:n])
-
-
-# No dead reckoning
-
-
-def test_the_laser_alone_follows_a_curve(room: Array, record: Record, rms: Rms) -> None:
-    recording = record(room, curve()).without_dead_reckoning()
-    found = track(recording)
-    assert_consistent(found)
-    assert found.matched_share == 1.0
-    np.testing.assert_array_equal(found.poses[0], np.zeros(3))
-    assert rms(found.poses, curve()) < 0.02
-
-
-def test_large_steps_are_searched_for(room: Array, record: Record, rms: Rms) -> None:
-    """Half a metre and 15° from scan to scan, three seconds apart."""
-    truth = np.column_stack(
-        [1.5 + 0.5 * np.arange(8), 2.9 + 0.1 * np.arange(8), np.radians(15.0) * np.tile([0, 1], 4)]
-    )
-    recording = record(room, truth).without_dead_reckoning()
-    found = track(replace(recording, time=3.0 * np.arange(8)))
-    assert rms(found.poses, truth) < 0.05
-
-
-def test_lost_for_long_it_begins_a_new_map_and_is_less_and_less_sure(room: Array, record: Record) -> None:
-    truth = np.concatenate([straight(10), straight(12) + np.array([2.5, -0.9, 0.0])])
-    recording = record(room, np.concatenate([truth[:10], np.tile(truth[10], (12, 1)), truth[10:]]))
-    ranges = recording.ranges.copy()
-    ranges[10:22] = np.nan
-    found = track(replace(recording.without_dead_reckoning(), ranges=ranges))
-    assert np.all(found.verdict[10:22] == Verdict.FELL_BACK)
-    assert np.all(found.verdict[24:] == Verdict.MATCHED)
-    steps = se2.between(found.poses[24], found.poses[25:])
-    np.testing.assert_allclose(steps, se2.between(truth[12], truth[13:]), atol=0.03)
