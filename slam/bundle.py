@@ -1,5 +1,10 @@
 """Bundle adjustment of scans: neighbouring keyframes matched pairwise, again and again, all poses solved
-at once."""
+at once.
+
+What all poses cost at once grows with the square of the passes tied to each other. So where enough passes
+have seen a place, later ones are placed in the map of the others, which stays as it is (Kretzschmar &
+Stachniss 2012 leave them out: they say little new).
+"""
 
 from __future__ import annotations
 
@@ -12,14 +17,27 @@ from scipy.spatial import cKDTree
 
 from slam import se2
 from slam.chain import SHARED_ERROR
-from slam.gauss_newton import Problem
+from slam.gauss_newton import ITERATIONS, Problem
 from slam.matching import Reference
+from slam.matching.reference import SCAN_CELL
 from slam.posegraph import PoseGraph
 from slam.scan import Scan
 from slam.se2 import Array
 
 DOUBT = 6.0
 """See `BundleConfig`; set on drives through outdoor, office_smoke and two_drives, seeds 100 to 103."""
+
+STEPS = 3
+"""Gauss-Newton steps of all poses in a round; the next round's matches say more than further ones."""
+
+SAME_PLACE, SAME_VIEW = 1.0, np.radians(45.0)
+"""Keyframes within this (m, rad) of each other see the same."""
+
+SIDE = 32
+"""Buckets along a side of a keyframe's lattice: there are many, and they are kept."""
+
+ONE_PASS = 20
+"""Keyframes this near to each other in the drive belong to one pass."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +47,7 @@ class BundleConfig:
     distance, m); ``robust`` the χ² at which a pair of points counts half. ``fade`` is the mean
     information below which a direction fades out. Scans whose points lie within ``level_misfit`` (mean χ²) of
     each other's lines saw one plane of the world; others were tilted or off the floor, which moves them all
-    alike, and count less by the power `DOUBT`.
+    alike, and count less by the power `DOUBT`. ``passes`` past a place make its map.
     """
 
     neighbours: int = 14
@@ -41,23 +59,56 @@ class BundleConfig:
     length: float = 2.0
     least_pairs: int = 15
     level_misfit: float = 0.8
+    passes: int = 3
 
 
-def adjust(scans: Sequence[Scan], backbone: PoseGraph, usable: np.ndarray, config: BundleConfig) -> PoseGraph:
+def mapping(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarray:
+    """Which keyframes ``(K,)`` bool the map is made of: those that see what fewer than ``config.passes`` of
+    them saw before, and those not ``usable (K,)`` on the way from one to the next of these."""
+    tree = cKDTree(poses[:, :2])
+    needed = usable.copy()
+    for j in np.flatnonzero(usable):
+        near = np.array(tree.query_ball_point(poses[j, :2], SAME_PLACE))
+        near = np.sort(near[(near < j - ONE_PASS) & needed[near]])
+        alike = near[np.abs(se2.wrap(poses[near, 2] - poses[j, 2])) <= SAME_VIEW]
+        passes = int(np.sum(np.diff(alike) > ONE_PASS)) + (len(alike) > 0)
+        needed[j] = passes < config.passes
+    ends = np.flatnonzero(usable)
+    before = np.searchsorted(ends, np.arange(len(poses)), side="right") - 1
+    for j in np.flatnonzero(~usable):
+        around = ends[max(before[j], 0) : before[j] + 2]
+        needed[j] = bool(np.all(needed[around]))
+    return needed
+
+
+def adjust(
+    scans: Sequence[Scan],
+    backbone: PoseGraph,
+    usable: np.ndarray,
+    config: BundleConfig,
+    held: np.ndarray | None = None,
+) -> PoseGraph:
     """The graph of keyframes with its poses ``(K, 3)`` adjusted and the last round's pairs as its edges.
 
     ``scans`` are the K keyframes in the robot's frame; ``usable (K,)`` bool marks those that may be matched.
-    ``backbone`` holds what is not matched here (dead reckoning), at the poses to start from.
+    ``backbone`` holds what is not matched here (dead reckoning), at the poses to start from. Those that
+    ``held (K,)`` bool marks (default: none) stay where they are, and the others are matched to them alone.
     """
     cloud = _Cloud.of(scans)
-    pairs = neighbours(backbone.poses, usable, config)
+    pairs = neighbours(backbone.poses, usable, config, held)
     graph = backbone
     for radius in config.radii:
         seen, T_ij, information, misfit = cloud.linearised(graph.poses, pairs, radius, config)
         graph = _with_pairs(replace(backbone, poses=graph.poses), seen, T_ij, information)
-        graph = replace(graph, poses=Problem.of(graph).descend(graph.poses, np.ones(len(graph.edges))))
+        graph = _descended(graph, held, STEPS)
     doubt = np.maximum(1.0, misfit / config.level_misfit) ** DOUBT
-    return _with_pairs(replace(backbone, poses=graph.poses), seen, T_ij, information / doubt[:, None, None])
+    graph = _with_pairs(replace(backbone, poses=graph.poses), seen, T_ij, information / doubt[:, None, None])
+    return _descended(graph, held)
+
+
+def _descended(graph: PoseGraph, held: np.ndarray | None, steps: int = ITERATIONS) -> PoseGraph:
+    weights = np.ones(len(graph.edges))
+    return replace(graph, poses=Problem.of(graph, held).descend(graph.poses, weights, steps))
 
 
 @dataclass(frozen=True)
@@ -71,7 +122,10 @@ class _Cloud:
     @classmethod
     def of(cls, scans: Sequence[Scan]) -> _Cloud:
         """The cloud of scans in the robot's frame; their points keep their order."""
-        clouds, lattices = zip(*(Reference(scan).indexed for scan in scans), strict=True)
+        from slam.matching.neighbours import build
+
+        clouds = [Reference(scan).cloud for scan in scans]
+        lattices = [build(cloud[0], SCAN_CELL, SIDE) for cloud in clouds]
         cell, heads, following = zip(*lattices, strict=True)
         arrays = tuple(np.concatenate(parts) for parts in zip(*clouds, strict=True))
         offsets = np.concatenate([[0], np.cumsum([len(scan) for scan in scans])]).astype(np.int64)
@@ -94,13 +148,18 @@ class _Cloud:
         return pairs[known], T_ij[known], in_body, misfit[known]
 
 
-def neighbours(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarray:
-    """Pairs ``(P, 2)`` of keyframes i < j to match: near each other and from as many passes as there are."""
-    tree = cKDTree(poses[:, :2])
+def neighbours(
+    poses: Array, usable: np.ndarray, config: BundleConfig, held: np.ndarray | None = None
+) -> np.ndarray:
+    """Pairs ``(P, 2)`` of keyframes i < j to match: near each other and from as many passes as there are;
+    with some ``held``, these and the others."""
+    first, second = (usable, usable) if held is None else (usable & held, usable & ~held)
+    firsts = np.flatnonzero(first)
+    tree = cKDTree(poses[firsts, :2])
     pairs = []
-    for j in np.flatnonzero(usable):
-        near = np.sort(tree.query_ball_point(poses[j, :2], config.reach))
-        pairs += [(int(i), int(j)) for i in neighbours_of(poses, int(j), near[usable[near]], config)]
+    for j in np.flatnonzero(second):
+        near = firsts[np.sort(tree.query_ball_point(poses[j, :2], config.reach)).astype(np.int64)]
+        pairs += [(int(i), int(j)) for i in neighbours_of(poses, int(j), near, config)]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
@@ -111,8 +170,13 @@ def neighbours_of(poses: Array, j: int, near: np.ndarray, config: BundleConfig) 
     near = near[near < j]
     apart = np.linalg.norm(poses[near, :2] - poses[j, :2], axis=1)
     passes = np.split(np.arange(len(near)), np.flatnonzero(np.diff(near) > 1) + 1)
-    chosen = [_spread(run, apart, config.per_pass) for run in passes[::-1] if len(run)]
-    return near[np.concatenate(chosen or [np.zeros(0, dtype=np.int64)])[: config.neighbours]]
+    chosen, found = [np.zeros(0, dtype=np.int64)], 0
+    for run in reversed(passes):
+        if found >= config.neighbours or len(run) == 0:
+            break
+        chosen.append(_spread(run, apart, config.per_pass))
+        found += len(chosen[-1])
+    return near[np.concatenate(chosen)[: config.neighbours]]
 
 
 def _spread(run: np.ndarray, apart: Array, most: int) -> np.ndarray:

@@ -3,8 +3,8 @@ scans."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -44,7 +44,10 @@ def backbone(recording: Recording, track: Track, rows: np.ndarray) -> PoseGraph:
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
     reckoned = reckoning(recording, track.poses, rows)
     i, j = rows[:-1], rows[1:]
-    tracked = [_tracked_covariance(recording, track, int(a), int(b)) for a, b in zip(i, j, strict=True)]
+    matched = np.linalg.inv(track.information / SHARED_ERROR + np.eye(3) / WORST_VARIANCE)
+    tracked = [
+        _tracked_covariance(recording, track, matched, int(a), int(b)) for a, b in zip(i, j, strict=True)
+    ]
     return replace(
         reckoned,
         edges=np.concatenate([pairs, reckoned.edges]),
@@ -60,51 +63,56 @@ def reckoning(recording: Recording, poses: Array, rows: np.ndarray) -> PoseGraph
     Without any, each step is expected to be that of ``poses``, as surely as the time it took allows.
     """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
-    steps = pairwise(rows)
-    information = [_reckoned_information(recording, int(i), int(j)) for i, j in steps]
     at_rows = (poses if recording.source == "none" else recording.dead_reckoning)[rows]
     return PoseGraph(
         poses=poses[rows],
         edges=pairs,
         T_ij=se2.between(at_rows[:-1], at_rows[1:]),
-        information=np.reshape(information, (-1, 3, 3)),
+        information=_reckoned_information(recording, rows),
         world_steps=_world_steps(recording, rows, pairs) if recording.source == "ins" else None,
     )
 
 
-def _tracked_covariance(recording: Recording, track: Track, i: int, j: int) -> Array:
-    """Covariance in the body frame of scan j of the track's step from i, composed along the drive."""
-    covariance: Array = np.eye(3) * LEAST_VARIANCE
+def _tracked_covariance(recording: Recording, track: Track, matched: Array, i: int, j: int) -> Array:
+    """Covariance in the body frame of scan j of the track's step from i, composed along the drive; ``matched
+    (N, 3, 3)`` is what a match adds in its scan's."""
+    terms: list[Array] = [np.eye(3) * LEAST_VARIANCE]
+    at = [i]
     last, sure, since = i, i, 0.0
-    steps = [k for k in range(i + 1, j + 1) if track.verdict[k] != Verdict.SKIPPED]
+    verdict, place = track.verdict[i : j + 1].tolist(), track.poses[i : j + 1, :2].tolist()
+    steps = [k for k in range(i + 1, j + 1) if verdict[k - i] != Verdict.SKIPPED]
     for k in steps:
-        covariance = se2.transport(covariance, se2.between(track.poses[k], track.poses[last]))
-        since += float(np.hypot(*(track.poses[k, :2] - track.poses[last, :2])))
-        if track.verdict[k] == Verdict.FELL_BACK:
-            lost = dead_reckoning.lost_covariance(recording, sure, last, k, track.poses[k])
-            covariance = covariance + lost
+        since += math.dist(place[last - i], place[k - i])
+        if verdict[k - i] == Verdict.FELL_BACK:
+            terms.append(dead_reckoning.lost_covariance(recording, sure, last, k, track.poses[k]))
+            at.append(k)
         elif since >= LOCAL_MAP_SHIFT or k == steps[-1]:
-            floor = np.eye(3) / WORST_VARIANCE
-            covariance = covariance + np.linalg.inv(track.information[k] / SHARED_ERROR + floor)
+            terms.append(matched[k])
+            at.append(k)
             since = 0.0
         last = k
-        sure = sure if track.verdict[k] == Verdict.FELL_BACK else k
-    return se2.transport(covariance, se2.between(track.poses[j], track.poses[last]))
+        sure = sure if verdict[k - i] == Verdict.FELL_BACK else k
+    return np.sum(se2.transport(terms, se2.between(track.poses[j], track.poses[at])), axis=0)
 
 
-def _reckoned_information(recording: Recording, i: int, j: int) -> Array:
-    """Information of the recorded step in the body frame of j, its covariance summed scan by scan; for an
-    INS of its yaw alone."""
+def _reckoned_information(recording: Recording, rows: np.ndarray) -> Array:
+    """Information ``(K - 1, 3, 3)`` of the recorded steps between the scans ``rows (K,)``, in the body frame
+    of the later one, their covariances summed scan by scan; for an INS of its yaw alone."""
+    if len(rows) < 2:
+        return np.zeros((0, 3, 3))
     if recording.source == "none":
-        return np.linalg.inv(SHARED_SPEED * dead_reckoning.step_covariance(recording, i, j))
-    reckoned = recording.dead_reckoning
-    covariance: Array = np.zeros((3, 3))
-    for k in range(i + 1, j + 1):
-        covariance = se2.transport(covariance, se2.between(reckoned[k], reckoned[k - 1]))
-        covariance = covariance + dead_reckoning.step_covariance(recording, k - 1, k)
+        return np.linalg.inv(SHARED_SPEED * dead_reckoning.step_covariance(recording, rows[:-1], rows[1:]))
+    steps = np.arange(rows[0] + 1, rows[-1] + 1)
+    covariance = dead_reckoning.step_covariance(recording, steps - 1, steps)
     if recording.source == "odometry":
-        return np.linalg.inv(covariance)
-    return np.diag([0.0, 0.0, 1.0 / covariance[2, 2]])
+        towards = recording.dead_reckoning[rows[np.searchsorted(rows, steps)]]
+        covariance = se2.transport(covariance, se2.between(towards, recording.dead_reckoning[steps]))
+    summed = np.add.reduceat(covariance, rows[:-1] - rows[0])
+    if recording.source == "odometry":
+        return np.linalg.inv(summed)
+    information: Array = np.zeros_like(summed)
+    information[:, 2, 2] = 1.0 / summed[:, 2, 2]
+    return information
 
 
 def _world_steps(recording: Recording, rows: np.ndarray, pairs: np.ndarray) -> WorldSteps:

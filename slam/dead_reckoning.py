@@ -47,23 +47,28 @@ def predict(
     return np.array([predicted[0], predicted[1], float(se2.wrap(predicted[2]))])
 
 
-def step_covariance(recording: Recording, j: int, k: int) -> Array:
-    """Covariance ``(3, 3)`` of the recorded increment from scan j to k.
+def step_covariance(recording: Recording, j: int | np.ndarray, k: int | np.ndarray) -> Array:
+    """Covariance ``(..., 3, 3)`` of the recorded increments from scans j ``(...)`` to k.
 
     For an INS of additive world-frame errors (x, y, yaw); for odometry in the body frame of scan k. Without
     dead reckoning it is as wide as a robot can have come in that time.
     """
     if recording.source == "none":
-        seconds = max(abs(float(recording.time[k] - recording.time[j])), SHORTEST)
-        return np.diag([SPEED_SIGMA, SPEED_SIGMA, TURN_SIGMA]) ** 2 * seconds**2
+        seconds = np.maximum(np.abs(recording.time[k] - recording.time[j]), SHORTEST)
+        speeds = np.diag([SPEED_SIGMA, SPEED_SIGMA, TURN_SIGMA]) ** 2
+        return speeds * np.asarray(seconds)[..., None, None] ** 2
     step = se2.between(recording.dead_reckoning[j], recording.dead_reckoning[k])
-    path, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
+    path, turn = np.hypot(step[..., 0], step[..., 1]), np.abs(step[..., 2])
     if recording.source == "ins":
         position = INS_WALK * path + INS_POSITION_FLOOR
-        return np.diag([position, position, 0.006**2 + (0.03 * turn) ** 2])
+        return _diagonal(position, position, 0.006**2 + (0.03 * turn) ** 2)
     along = 0.01**2 + (0.06 * path) ** 2
     side = along + (0.10 * turn * path) ** 2
-    return np.diag([along, side, 0.01**2 + (0.10 * turn) ** 2 + (0.04 * path) ** 2])
+    return _diagonal(along, side, 0.01**2 + (0.10 * turn) ** 2 + (0.04 * path) ** 2)
+
+
+def _diagonal(*variances: Array) -> Array:
+    return np.stack(variances, -1)[..., None] * np.eye(3)
 
 
 def map_covariance(recording: Recording, j: int, k: int, pose_k: Array) -> Array:

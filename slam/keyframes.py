@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from slam import se2
@@ -12,9 +14,11 @@ def choose(poses: Array, distance: float = 0.15, angle: float = np.radians(7.0))
     """Indices ``(K,)`` of the poses ``(N, 3)`` that lie ``distance`` m or ``angle`` rad from the one
     chosen before; the first and the last are always among them."""
     chosen = [0]
-    for k in range(1, len(poses)):
-        step = se2.between(poses[chosen[-1]], poses[k])
-        if np.hypot(step[0], step[1]) >= distance or abs(step[2]) >= angle:
+    x, y, yaw = poses[0].tolist()
+    for k, (x_k, y_k, yaw_k) in enumerate(poses.tolist()):  # plain numbers: a call of numpy's costs more
+        turn = (yaw_k - yaw + math.pi) % math.tau - math.pi
+        if math.hypot(x_k - x, y_k - y) >= distance or abs(turn) >= angle:
+            x, y, yaw = x_k, y_k, yaw_k
             chosen.append(k)
     if chosen[-1] != len(poses) - 1:
         chosen.append(len(poses) - 1)

@@ -149,13 +149,14 @@ def search(a: Walls, b: Walls, angles: Array, prior: Prior | None, config: Align
     turned = [
         (pair, b.raster(np.array([0.0, 0.0, pair[0]]), config.search_resolution)) for pair in paired(angles)
     ]
-    shape = padded_shape(raster_a, max(max(raster.occupied.shape) for _, raster in turned))
-    spectra_a = spectra(raster_a, shape)
     window = None if prior is None else _window(prior, config)
+    shape = padded_shape(raster_a, [raster for _, raster in turned], config.blur, window)
+    spectra_a = spectra(raster_a, shape)
     found: dict[float, list[Alternative]] = {config.free_penalty: [], config.lenient_penalty: []}
     for (*yaws,), raster_b in turned:
         upright = spectra(raster_b, shape)
-        for yaw, spectra_b in zip(yaws, (upright, upright.half_turned()), strict=False):
+        for k, yaw in enumerate(yaws):
+            spectra_b = upright.half_turned() if k else upright
             correlation = correlate(spectra_a, spectra_b, config.blur, window)
             for penalty, alternatives in found.items():
                 alternatives += _shifts(correlation, penalty, yaw, prior, config.prior_weight)

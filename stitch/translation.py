@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -61,6 +62,8 @@ LINE = 2.0 * np.sqrt(np.pi)
 """What a cell of a straight wall scores against another such wall, both blurred by one cell."""
 FACING = 0.5
 """Share of the agreement that depends on which way walls face: seen from opposite sides they do not agree."""
+BLUR_REACH = 8.0
+"""Blurs after which both maps' together, √2 as wide, is nothing in single precision."""
 
 
 @dataclass(frozen=True)
@@ -120,12 +123,32 @@ class Correlation:
         return np.stack(np.meshgrid(x, y), -1)
 
 
-def padded_shape(a: Raster, longest_b: int) -> tuple[int, int]:
-    """A quick FFT size in which correlating a with up to ``longest_b`` cells a side cannot wrap."""
+def padded_shape(
+    a: Raster, turned: Sequence[Raster], blur: float = 1.0, window: tuple[Array, Array] | None = None
+) -> tuple[int, int]:
+    """A quick FFT size in which correlating a with any of the maps b, ``turned`` or half a turn on, cannot
+    wrap into the shifts that `correlate` reads with the same ``blur`` and ``window``."""
     from scipy.fft import next_fast_len
 
-    height, width = (next_fast_len(n + longest_b - 1, real=True) for n in a.occupied.shape)
+    least = np.max([_least_shape(a, b, blur, window) for b in turned], axis=0)
+    width, height = (next_fast_len(int(n), real=True) for n in least)
     return height, width
+
+
+def _least_shape(a: Raster, b: Raster, blur: float, window: tuple[Array, Array] | None) -> Array:
+    """Columns and rows ``(2,)`` that hold both maps, and keep the lags of the window out of reach of those
+    that fold onto them."""
+    size_a, size_b = (np.array(raster.occupied.shape[::-1]) for raster in (a, b))
+    lags = size_a + size_b - 1
+    if window is None:
+        return lags
+    least, reach = np.maximum(size_a, size_b), np.ceil(BLUR_REACH * blur) + 1.0
+    for first, lowest in ((b.first, 1 - size_b), (-b.first - 1.0, np.zeros(2))):  # as it is, half a turn on
+        highest, offset = lowest + lags - 1, a.first - first
+        low = np.maximum(lowest, np.floor(window[0] / a.resolution - offset))
+        high = np.minimum(highest, np.ceil(window[1] / a.resolution - offset))
+        least = np.maximum(least, np.maximum(highest - low, high - lowest) + reach)
+    return np.minimum(least, lags)
 
 
 def spectra(raster: Raster, shape: tuple[int, int]) -> Spectra:

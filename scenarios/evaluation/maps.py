@@ -60,17 +60,22 @@ def compare(estimate: np.ndarray, truth: np.ndarray, resolution: float) -> dict[
     F1 is of precision and recall with a tolerance of one cell, IoU of both sets widened by one cell, chamfer
     the mean of the mean distances to the nearest cell of the other set, both ways.
     """
-    precision = float(cells_found(estimate, truth).mean())
-    recall = float(cells_found(truth, estimate).mean())
-    f1 = 0.0 if precision + recall == 0.0 else 2.0 * precision * recall / (precision + recall)
     a, b = _widened(estimate), _widened(truth)
     both = len(np.intersect1d(a, b, assume_unique=True))
     distance = (cKDTree(truth).query(estimate)[0].mean() + cKDTree(estimate).query(truth)[0].mean()) / 2.0
     return {
-        "map_f1": f1,
+        "map_f1": f1(estimate, truth),
         "map_iou": both / (len(a) + len(b) - both),
         "map_chamfer": float(distance) * resolution,
     }
+
+
+def f1(estimate: np.ndarray, truth: np.ndarray) -> float:
+    """Harmonic mean of the shares of two non-empty sets of cells ``(n, 2)`` that the other has, within one
+    cell."""
+    precision = float(cells_found(estimate, truth).mean())
+    recall = float(cells_found(truth, estimate).mean())
+    return 0.0 if precision + recall == 0.0 else 2.0 * precision * recall / (precision + recall)
 
 
 def cells_found(cells: np.ndarray, among: np.ndarray) -> np.ndarray:

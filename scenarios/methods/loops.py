@@ -50,6 +50,9 @@ Redraw = Callable[[Array, Sequence[Submap]], Sequence[Submap]]
 """The submaps as poses of the graph's nodes would have them: those whose shape changed are drawn anew, the
 others are the same objects."""
 
+STITCH_SIGMAS = (0.02, 0.025, np.radians(0.3))
+"""Standard deviations (m, m, rad) of a stitch, about: the median of those found."""
+
 MOVED = 1.5
 """A refused pair is tried again when it is expected so many standard deviations of its prior elsewhere."""
 
@@ -85,6 +88,7 @@ class LoopConfig:
     trusted_edge: float = 1.0
     broken_edge: float = 15.0
     rounds: int = 3
+    least_information: float = 2.5
     align: AlignConfig = field(default_factory=AlignConfig)
     back_end: BackEnd = "gnc"
     injected: float = 0.0
@@ -126,7 +130,7 @@ class Search:
         config: LoopConfig,
         nodes: np.ndarray | None = None,
     ) -> None:
-        self.submaps, self.backbone, self.config = submaps, backbone, config
+        self.submaps, self.config = submaps, config
         self.nodes = np.arange(len(submaps)) if nodes is None else nodes
         window = config.window_ins if source == "ins" else config.window
         self.least = np.diag([window, window, config.window_angle]) / 3.0
@@ -138,7 +142,9 @@ class Search:
         walked = np.linalg.norm(np.diff(backbone.poses[self.nodes, :2], axis=0), axis=1)
         self.steps = walked + config.broken_edge * broken
         self.middles = np.array([_middle(submap) for submap in submaps])
+        self._graph = backbone
         self._known: tuple[Factor, Array] | None = None  # the graph's, until it settles anew
+        self._seen: dict[int, Array] = {}  # covariances by submap, as long
 
     @property
     def anchors(self) -> Array:
@@ -166,8 +172,11 @@ class Search:
         if self._known is None:
             trusted = self.graph().with_only(self._all_weights() > 0.5)
             factor, _ = Problem.of(trusted).factor(self.poses, np.ones(len(trusted.edges)))
-            self._known = factor, factor.inverse_blocks()
-        return relative_covariance(*self._known, self.poses, self.nodes[:b], int(self.nodes[b]))
+            self._known, self._seen = (factor, factor.inverse_blocks()), {}
+        if b not in self._seen:
+            seen = relative_covariance(*self._known, self.poses, self.nodes[:b], int(self.nodes[b]))
+            self._seen[b] = seen
+        return self._seen[b]
 
     def candidates(self, b: int) -> list[int]:
         """Earlier submaps worth trying: the one across a failure, then the nearest, spread along the
@@ -176,21 +185,27 @@ class Search:
         apart = np.linalg.norm(middles[:b] - middles[b], axis=1)
         near = apart <= self.config.reach + self.doubt(b)
         chosen = [b - 1] if self.submaps[b - 1].stop != self.submaps[b].start else []
-        for a in np.argsort(apart, kind="stable"):
+        for a in np.flatnonzero(near)[np.argsort(apart[near], kind="stable")]:
             if len(chosen) >= self.config.candidates:
                 break
-            if near[a] and a != b - 1 and all(abs(a - other) >= self.config.spread for other in chosen):
+            if a != b - 1 and all(abs(a - other) >= self.config.spread for other in chosen):
                 chosen.append(int(a))
         return [a for a in chosen if (a, b) not in self.results]
 
     def doubt(self, b: int) -> Array:
         """How far off [m] submap b may lie as seen from each earlier one ``(b,)``: three sigma."""
-        return 3.0 * np.sqrt(np.linalg.eigvalsh(self.covariances(b)[:, :2, :2])[:, -1])
+        xx, xy, yy = self.covariances(b)[:, [0, 0, 1], [0, 1, 1]].T
+        return 3.0 * np.sqrt(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy))
 
     def prior(self, a: int, b: int) -> Prior:
         """Where the graph expects b seen from a; the search window is its three sigma."""
         covariance = self.config.inflation * self.covariances(b)[a] + self.least**2
         return Prior(se2.between(self.anchors[a], self.anchors[b]), (covariance + covariance.T) / 2.0)
+
+    def information(self, a: int, b: int) -> float:
+        """What a stitch of two submaps is expected to tell [nats] (Ila et al. 2010)."""
+        told = self.covariances(b)[a] @ np.diag(np.square(STITCH_SIGMAS) ** -1.0)
+        return 0.5 * float(np.linalg.slogdet(np.eye(3) + told)[1])
 
     def usable(self, prior: Prior) -> bool:
         """False where a prior leaves so much open that a search of everything is as good."""
@@ -200,17 +215,17 @@ class Search:
         )
 
     def visit(self, b: int, stitch: Stitcher, turn: int) -> None:
-        """Stitch submap b to its candidates in round ``turn``; where that succeeds, let the graph settle."""
-        found = False
-        expectations = [(a, self.prior(a, b)) for a in self.candidates(b)]
-        for a, expected in expectations:
+        """Stitch submap b to its candidates in round ``turn`` as long as they tell something; where that
+        succeeds, let the graph settle."""
+        for a, expected in [(a, self.prior(a, b)) for a in self.candidates(b)]:
+            if self.information(a, b) < self.config.least_information:
+                continue
             prior = expected if self.usable(expected) else None
             result = doubted(stitch(self.submaps[a], self.submaps[b], prior), prior, self.config)
             self.results[a, b] = result
             self.tried.append(TriedStitch(a, b, result, turn=turn, prior=prior))
-            found |= isinstance(result, Stitch)
-        if found:
-            self.settle()
+            if isinstance(result, Stitch):
+                self.settle()
 
     def reopen(self, redrawn: set[int]) -> None:
         """Allow refused pairs to be tried again of which a submap was ``redrawn``, or which are expected
@@ -234,7 +249,10 @@ class Search:
 
     def graph(self) -> PoseGraph:
         """The backbone with every accepted stitch as a loop."""
-        return with_stitches(self.backbone, self.accepted(), self.nodes)
+        accepted = self.accepted()
+        if new := accepted[int(self._graph.loop.sum()) :]:  # none is ever taken back
+            self._graph = with_stitches(self._graph, new, self.nodes)
+        return self._graph
 
     def settle(self) -> None:
         """Let the robust graph place the submaps and judge the stitches."""
@@ -315,12 +333,13 @@ def close(
     search = Search(submaps, backbone, source, config, nodes)
     search.settle()  # dead reckoning and matches have their say even where nothing is ever stitched
     for turn in range(config.rounds):
+        if turn > 0:
+            search.redraw(redraw)
         asked = len(search.tried)
         for b in range(1, len(submaps)):
             search.visit(b, stitch, turn)
         if len(search.tried) == asked:
             break
-        search.redraw(redraw)
     solution = settled(replace(search.graph(), poses=search.poses), config.back_end)
     tried = weighed(tuple(search.tried), solution.weights)
     return Closed(search.graph(), solution.poses, tried, tuple(search.submaps), nodes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -11,12 +11,13 @@ import numpy as np
 
 from scenarios.estimate import Estimate
 from scenarios.methods import backbone as backbones
+from scenarios.methods.adjusted import adjusted
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.loops import Stitcher, close, with_false
+from scenarios.methods.loops import Closed, Stitcher, close, with_false
 from slam import bundle, keyframes, se2
 from slam.companions import without_companions
 from slam.frontend import track
-from slam.posegraph import marginals, optimise
+from slam.posegraph import PoseGraph
 from slam.recording import Recording
 from slam.scan import Scan, scans_of
 from slam.se2 import Array
@@ -27,6 +28,9 @@ from stitch.align import align
 
 BENT = (0.05, 0.05, np.radians(1.0))
 """A submap is drawn anew when one of its scans moved further in it (m, m, rad): half a cell at 3 m."""
+
+HEAD, JUMP = 3, np.radians(1.0)
+"""Steps after a failure, and how much [rad] one of them may turn otherwise than dead reckoning says."""
 
 
 def run(recording: Recording, config: MethodConfig) -> Estimate:
@@ -47,11 +51,48 @@ def mapped(
     stitch: Stitcher,
 ) -> Estimate:
     """What follows a front end's track: cut, stitch by ``stitch``, close, adjust."""
+    drive = stitched(recording, scans, found, segments(found, config.segmentation), config, stitch)
+    if drive is None:
+        return Estimate(method, found.poses, track=found)
+    matched = found.verdict != Verdict.FELL_BACK
+    poses, covariance = adjusted(recording, scans, drive.poses, matched, config.bundle)
+    return Estimate(
+        method,
+        poses,
+        covariance=covariance,
+        track=found,
+        submaps=drive.closed.submaps,
+        stitches=drive.closed.tried,
+        graph_before=replace(drive.closed.graph, poses=found.poses[drive.nodes]),
+        graph_after=replace(drive.closed.graph, poses=drive.closed.poses),
+    )
+
+
+@dataclass(frozen=True)
+class Stitched:
+    """A drive stitched: its loops ``closed`` between the scans ``nodes (L,)``, and the ``poses (N, 3)`` that
+    this leaves."""
+
+    closed: Closed
+    nodes: np.ndarray
+    poses: Array
+
+
+def stitched(
+    recording: Recording,
+    scans: Sequence[Scan],
+    found: Track,
+    pieces: tuple[Segment, ...],
+    config: MethodConfig,
+    stitch: Stitcher,
+) -> Stitched | None:
+    """The ``pieces`` of a track cut into submaps, stitched and closed; None where there is no piece, too
+    little being matched to be a map."""
     matched = found.verdict != Verdict.FELL_BACK
     drawn = np.array([k for k in keyframes.choose(found.poses) if matched[k]])
-    stretches = chop(found, segments(found, config.segmentation), config.loops.length)
-    if not stretches:  # too little was matched to be a map
-        return Estimate(method, found.poses, track=found)
+    if not pieces:
+        return None
+    stretches = chop(found, [settled_start(recording, found, piece) for piece in pieces], config.loops.length)
     anchors = np.array([s.start for s in stretches])
     ends = np.array([a.stop - 1 for a, b in pairwise(stretches) if a.stop != b.start], dtype=np.int64)
     nodes = np.union1d(anchors, ends)
@@ -64,21 +105,35 @@ def mapped(
     if config.loops.injected > 0.0:
         rng = np.random.default_rng(config.loops.injected_seed)
         closed = with_false(closed, backbone.poses, config.loops, rng)
-    poses = keyframes.carry(found.poses, nodes, closed.poses)
-    rows = keyframes.choose(poses)
-    reckoned = backbones.reckoned(recording, poses, rows)
+    return Stitched(closed, nodes, keyframes.carry(found.poses, nodes, closed.poses))
+
+
+@dataclass(frozen=True)
+class Bundled(Stitched):
+    """A drive stitched, and the bundle's ``graph`` of the keyframes ``rows (K,)``, whose optimum is the
+    answer."""
+
+    rows: np.ndarray
+    graph: PoseGraph
+
+
+def bundled(
+    recording: Recording,
+    scans: Sequence[Scan],
+    found: Track,
+    pieces: tuple[Segment, ...],
+    config: MethodConfig,
+    stitch: Stitcher,
+) -> Bundled | None:
+    """The ``pieces`` of a track `stitched`, and one bundle laid over all keyframes."""
+    drive = stitched(recording, scans, found, pieces, config, stitch)
+    if drive is None:
+        return None
+    matched = found.verdict != Verdict.FELL_BACK
+    rows = keyframes.choose(drive.poses)
+    reckoned = backbones.reckoned(recording, drive.poses, rows)
     graph = bundle.adjust([scans[k] for k in rows], reckoned, matched[rows], config.bundle)
-    settled = optimise(graph, "none")
-    return Estimate(
-        method,
-        keyframes.carry(poses, rows, settled.poses),
-        covariance=marginals(graph, settled)[keyframes.nearest(rows, len(recording))],
-        track=found,
-        submaps=closed.submaps,
-        stitches=closed.tried,
-        graph_before=replace(closed.graph, poses=found.poses[nodes]),
-        graph_after=replace(closed.graph, poses=closed.poses),
-    )
+    return Bundled(drive.closed, drive.nodes, drive.poses, rows, graph)
 
 
 class _Pen:
@@ -113,7 +168,21 @@ class _Pen:
         return answer
 
 
-def chop(found: Track, stretches: tuple[Segment, ...], length: float) -> list[Segment]:
+def settled_start(recording: Recording, found: Track, piece: Segment) -> Segment:
+    """A piece without the scans at its head that were still matched to what was mapped before the failure.
+
+    Where the track turns otherwise than dead reckoning within `HEAD` steps, it makes good what the failure
+    left wrong, and what lies before is askew to the rest.
+    """
+    if piece.start == 0 or recording.source == "none":
+        return piece
+    rows = slice(piece.start, min(piece.start + HEAD + 1, piece.stop))
+    turned = np.diff(found.poses[rows, 2]) - np.diff(recording.dead_reckoning[rows, 2])
+    jumps = np.flatnonzero(np.abs(se2.wrap(turned)) > JUMP)
+    return Segment(piece.start + int(jumps[-1]) + 1, piece.stop) if len(jumps) else piece
+
+
+def chop(found: Track, stretches: Sequence[Segment], length: float) -> list[Segment]:
     """Segments cut further, so that none is longer than about ``length`` m of drive."""
     pieces = []
     for stretch in stretches:

@@ -13,7 +13,7 @@ from scenarios.methods import FAIR, METHODS, ONLINE, SEES_TRUTH
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import BACK_ENDS, Closed, LoopConfig, settled, with_false, with_stitches
 from scenarios.methods.oracle import failures, with_true_failures
-from scenarios.methods.slamstitch import chop
+from scenarios.methods.slamstitch import chop, settled_start
 from scenarios.run import Options
 from sim.laser import Raycaster
 from slam import se2
@@ -197,6 +197,23 @@ def test_chop_at_rest_is_one_piece() -> None:
     nothing = np.zeros((5, 3, 3))
     track = Track(np.zeros((5, 3)), np.zeros(5), np.arange(-1, 4), nothing, nothing, np.zeros(5), {})
     assert chop(track, (Segment(0, 5),), 1.0) == [Segment(0, 5)]
+
+
+@pytest.mark.parametrize(
+    ("jump_at", "degrees", "start"), [(21, 2.5, 21), (23, -1.4, 23), (24, 2.5, 20), (21, 0.6, 20)]
+)
+def test_a_piece_begins_where_the_track_turns_as_dead_reckoning_does(
+    jump_at: int, degrees: float, start: int
+) -> None:
+    """A jump within three steps of the failure is made good before the piece begins, one further on is not."""
+    recording = drive("ins")
+    nothing = np.zeros((N, 3, 3))
+    poses = recording.dead_reckoning.copy()
+    poses[jump_at:, 2] += np.radians(degrees)
+    track = Track(poses, np.zeros(N), np.arange(-1, N - 1), nothing, nothing, np.full(N, 9), {})
+    assert settled_start(recording, track, Segment(20, 40)) == Segment(start, 40)
+    assert settled_start(replace(recording, source="none"), track, Segment(20, 40)).start == 20
+    assert settled_start(recording, track, Segment(0, 40)).start == 0
 
 
 @pytest.mark.parametrize("name", SEES_TRUTH)

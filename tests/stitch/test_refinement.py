@@ -45,7 +45,7 @@ def field_of(a: Raster, b: Raster, config: AlignConfig = CONFIG, prior: Prior | 
 
 def test_agrees_with_the_search_at_whole_cells() -> None:
     a, b = random_raster(0, (30, 24), (-4, 7)), random_raster(1, (18, 20), (2, -5))
-    shape = padded_shape(a, 20)
+    shape = padded_shape(a, [b])
     found = correlate(spectra(a, shape), spectra(b, shape))
     # shifts at which b lies well inside a, and one where it hangs over the border
     for row, column in [(20, 22), (25, 20), (30, 30), (40, 38)]:

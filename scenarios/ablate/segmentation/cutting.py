@@ -10,15 +10,14 @@ import numpy as np
 from scenarios.ablate.segmentation.drive import Driven
 from scenarios.evaluation.segmentation import true_errors
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.loops import LoopConfig, close
-from scenarios.methods.slamstitch import chop
-from slam import bundle, chain, dead_reckoning, keyframes, se2
+from scenarios.methods.loops import LoopConfig
+from scenarios.methods.slamstitch import bundled
+from slam import dead_reckoning, keyframes, se2
 from slam.bundle import BundleConfig
-from slam.posegraph import optimise
+from slam.gnc import judge
 from slam.recording import Recording
 from slam.se2 import Array
 from slam.segmentation import THRESHOLDS, Segment, SegmentationConfig, between, lost_steps
-from slam.submap import cut
 from slam.track import Track, Verdict
 from stitch.align import align
 
@@ -58,17 +57,16 @@ def pieces_of(track: Track, lost: np.ndarray) -> tuple[Segment, ...]:
 def relaid(recording: Recording, track: Track, lost: np.ndarray) -> Track:
     """The track with what is called lost taken out: there, and only there, the pose follows dead reckoning;
     every other step stays as the front end accepted it, believed or not."""
-    poses = track.poses.copy()
+    poses, steps = track.poses.copy(), se2.between(track.poses[track.reference], track.poses)
     last = 0
     for k in range(1, len(poses)):
         if track.verdict[k] == Verdict.SKIPPED:
             poses[k] = poses[last]
             continue
-        j = int(track.reference[k])
         poses[k] = (
             dead_reckoning.predict(recording, last, k, poses[last])
             if lost[k]
-            else se2.compose(poses[j], se2.between(track.poses[j], track.poses[k]))
+            else se2.compose(poses[track.reference[k]], steps[k])
         )
         last = k
     return replace(track, poses=poses, verdict=np.where(lost, Verdict.FELL_BACK, track.verdict))
@@ -79,21 +77,8 @@ def mapped(driven: Driven, lost: np.ndarray, config: MethodConfig) -> Array:
     slamstitch does."""
     recording, scans = driven.recording, driven.scans
     found = relaid(recording, driven.track, lost)
-    trusted = found.verdict != Verdict.FELL_BACK
-    drawn = np.array([k for k in keyframes.choose(found.poses) if trusted[k]])
-    stretches = chop(found, pieces_of(found, lost), config.loops.length)
-    if not stretches:
-        return found.poses
-    submaps = [
-        cut(recording, scans, found.poses, s.start, s.stop, np.union1d(drawn, s.start)) for s in stretches
-    ]
-    anchors = np.array([s.start for s in stretches])
-    backbone = chain.backbone(recording, found, anchors)
-    closed = close(
-        submaps, backbone, recording.source, config.loops, partial(align, config=config.loops.align)
+    stitch = partial(align, config=config.loops.align)
+    drive = bundled(recording, scans, found, pieces_of(found, lost), config, stitch)
+    return (
+        found.poses if drive is None else keyframes.carry(drive.poses, drive.rows, judge(drive.graph).poses)
     )
-    poses = keyframes.carry(found.poses, anchors, closed.poses)
-    rows = keyframes.choose(poses)
-    reckoned = chain.reckoning(recording, poses, rows)
-    graph = bundle.adjust([scans[k] for k in rows], reckoned, trusted[rows], config.bundle)
-    return keyframes.carry(poses, rows, optimise(graph, "none").poses)
