@@ -212,7 +212,8 @@ def test_a_piece_begins_where_the_track_turns_as_dead_reckoning_does(
     poses[jump_at:, 2] += np.radians(degrees)
     track = Track(poses, np.zeros(N), np.arange(-1, N - 1), nothing, nothing, np.full(N, 9), {})
     assert settled_start(recording, track, Segment(20, 40)) == Segment(start, 40)
-    assert settled_start(replace(recording, source="none"), track, Segment(20, 40)).start == 20
+    alone = replace(recording, source="none", dead_reckoning=np.zeros((N, 3)))
+    assert settled_start(alone, track, Segment(20, 40)).start == 20
     assert settled_start(recording, track, Segment(0, 40)).start == 0
 
 
