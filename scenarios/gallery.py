@@ -13,7 +13,7 @@ from scenarios.catalogue import CATALOGUE
 from scenarios.cli import BadInput, main, nearest
 
 COMMAND = "scenarios.gallery"
-DPI = 50
+DPI = 110
 COLOURS = 64
 """Of a picture: few enough to keep it small."""
 
@@ -57,11 +57,11 @@ def picture(name: str, seed: int) -> bytes:
     from scenarios.methods import METHODS
     from scenarios.methods.config import MethodConfig
     from scenarios.report.style import png
-    from scenarios.report.world import from_above
+    from scenarios.report.world import thumbnail
     from sim.record import simulate
 
     simulated = simulate(CATALOGUE[name], seed)
-    figure = from_above(simulated, METHODS["wsm"](simulated.recording, MethodConfig()))
+    figure = thumbnail(simulated, METHODS["wsm"](simulated.recording, MethodConfig()))
     small = io.BytesIO()
     Image.open(io.BytesIO(png(figure, DPI))).convert("RGB").quantize(COLOURS).save(
         small, "PNG", optimize=True

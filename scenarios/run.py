@@ -62,6 +62,8 @@ class Options:
     no_dead_reckoning: Annotated[bool, arg(help_behavior_hint="")] = False
     """Take no notice of the dead reckoning: the laser alone tells how the robot moved. Methods that rest on
     it have no answer then."""
+    matcher: Annotated[str, arg(metavar="NAME|MODULE:FUNCTION", help_behavior_hint="")] = ""
+    """Scan matcher of slamstitch's front end: plicp (its own), wsm, icp, or a function of your module."""
     start: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
     """Where a drive through a ROS map begins, in m and rad; drawn where it is not given."""
 
@@ -85,7 +87,7 @@ def run(options: Options) -> None:
     from scenarios.stages import Stages
 
     run_folder.check(options.out, name)
-    config, stages = MethodConfig(), Stages(Console(stderr=True))
+    config, stages = with_matcher(MethodConfig(), options.matcher), Stages(Console(stderr=True))
     source = obtain(options, stages)
     answers = estimate(source.recording, methods, config, stages)
     estimates = [*with_answer(answers), *source.published]
@@ -126,6 +128,18 @@ def checked(options: Options) -> tuple[list[str], str]:
         raise BadInput("--start is for ROS maps: scenarios and logs have a start of their own")
     name = Path(options.recording).name.split(".")[0]
     return list(dict.fromkeys(methods)), f"{name}-seed{options.seed}"
+
+
+def with_matcher(config: MethodConfig, name: str) -> MethodConfig:
+    """The settings with another scan matcher in slamstitch's front end. Raises `BadInput`."""
+    from slam.matching.registry import named
+
+    if not name:
+        return config
+    try:
+        return replace(config, frontend=replace(config.frontend, method=named(name)))
+    except ValueError as error:
+        raise BadInput(f"--matcher: {error}") from error
 
 
 def obtain(options: Options, stages: Stages) -> Source:

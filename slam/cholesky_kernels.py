@@ -90,6 +90,24 @@ def _subtract_product(out: Array, a: Array, b: Array) -> None:
 
 
 @njit(cache=True)
+def _subtract_column(lower: Array, where: np.ndarray, rows: np.ndarray, first: int, stop: int) -> None:
+    """What the blocks after ``first`` in its column take from the column of its row.
+
+    The factor's time is spent here: the nine numbers are kept, and no block is sliced.
+    """
+    a, b, c = lower[first, 0, 0], lower[first, 0, 1], lower[first, 0, 2]
+    d, e, f = lower[first, 1, 0], lower[first, 1, 1], lower[first, 1, 2]
+    g, h, i = lower[first, 2, 0], lower[first, 2, 1], lower[first, 2, 2]
+    for p in range(first + 1, stop):
+        out = where[rows[p]]
+        for r in range(3):
+            x, y, z = lower[p, r, 0], lower[p, r, 1], lower[p, r, 2]
+            lower[out, r, 0] -= x * a + y * b + z * c
+            lower[out, r, 1] -= x * d + y * e + z * f
+            lower[out, r, 2] -= x * g + y * h + z * i
+
+
+@njit(cache=True)
 def _root(block: Array) -> bool:
     """Lower Cholesky factor of a 3 x 3 block in its place; False where it is not positive definite."""
     for c in range(3):
@@ -146,8 +164,7 @@ def factorise(
         for q in range(row_starts[j], row_starts[j + 1]):
             k, first = row_columns[q], row_places[q]
             _subtract(diagonal[j], lower[first], lower[first])
-            for p in range(first + 1, starts[k + 1]):
-                _subtract(lower[where[rows[p]]], lower[p], lower[first])
+            _subtract_column(lower, where, rows, first, starts[k + 1])
         if not _root(diagonal[j]):
             return False
         for p in range(starts[j], starts[j + 1]):

@@ -31,20 +31,27 @@ DAMPING = 1e-3
 class Problem:
     """A graph made ready for descents from any poses, with any weights of its edges.
 
-    ``places`` says where in ``structure`` the blocks between the two poses of each residual belong.
+    ``places`` says where in ``structure`` the blocks between the two poses of each residual belong: behind
+    its last one where a pose is ``held (K,)``.
     """
 
     graph: PoseGraph
     structure: Structure
     places: np.ndarray
+    held: np.ndarray
 
     @classmethod
-    def of(cls, graph: PoseGraph) -> Problem:
-        """The problem of a graph; node 0 is held where ``graph.poses`` has it."""
+    def of(cls, graph: PoseGraph, held: np.ndarray | None = None) -> Problem:
+        """The problem of a graph; node 0 is pinned where ``graph.poses`` has it, and those that ``held (K,)``
+        bool marks (default: none) do not move at all."""
         steps = graph.world_steps
         pairs = graph.edges if steps is None else np.concatenate([graph.edges, steps.edges])
-        structure = Structure.of(pairs, len(graph.poses))
-        return cls(graph, structure, structure.places(pairs))
+        held = np.zeros(len(graph.poses), dtype=bool) if held is None else held
+        free = ~np.any(held[pairs], axis=1)
+        structure = Structure.of(pairs[free], len(graph.poses))
+        places = np.full(len(pairs), structure.blocks)
+        places[free] = structure.places(pairs[free])
+        return cls(graph, structure, places, held)
 
     def descend(self, poses: Array, weights: Array, iterations: int = ITERATIONS) -> Array:
         """Poses ``(K, 3)`` of least cost near ``poses`` when edge e counts ``weights (E,)`` times."""
@@ -73,10 +80,11 @@ class Problem:
         from slam.gauss_newton_kernels import normal_equations
 
         terms = self._terms(weights)
-        diagonal, lower, gradient = normal_equations(poses, *terms, self.places, self.structure.blocks)
+        diagonal, lower, gradient = normal_equations(poses, *terms, self.places, self.structure.blocks + 1)
         diagonal[:, range(3), range(3)] *= 1.0 + damping
+        diagonal[self.held], gradient[self.held] = np.eye(3), 0.0
         diagonal = diagonal[np.argsort(self.structure.position)]
-        factor = Factor.of(self.structure, diagonal, lower)
+        factor = Factor.of(self.structure, diagonal, lower[:-1])
         if factor is None:
             raise ValueError("pose graph: its edges leave a pose undetermined")
         return factor, gradient

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import json
 import re
 import runpy
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,14 +16,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenarios.cli import main
 from scenarios.methods import online
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import LoopConfig
+from scenarios.run import COMMAND, Options, run
 from slam.bundle import BundleConfig
 from slam.combination import BIAS, WEIGHTS
 from slam.confidence import MEASURES
 from slam.formats import carmen, load, ros_map
 from slam.frontend import FrontendConfig
+from slam.matching import MATCHERS
 from slam.occupancy import Grid
 from slam.recording import Laser, Recording
 from stitch import likeness
@@ -39,15 +44,20 @@ def section(title: str) -> str:
     return (ROOT / "README.md").read_text().split(f"\n## {title}\n")[1].split("\n## ")[0]
 
 
-BLOCKS = dict(
-    re.findall(r"^A \*\*(\w+)\*\*.*?^```python\n(.*?)^```$", section("Bring your own"), re.M | re.S)
-)
+BLOCKS = {
+    name: "\n".join(re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S))
+    for name, text in re.findall(
+        r"^A \*\*(\w+)\*\*(.*?)(?=^A (?:whole )?\*\*|\Z)", section("Bring your own"), re.M | re.S
+    )
+}
 """What one brings -> the code that takes it."""
 
 PROOF: dict[str, Callable[[dict[str, Any]], bool]] = {
     "log": lambda known: known["estimate"].poses.shape == (50, 3),
     "map": lambda known: load("my_map.npz").truth is not None,
-    "matcher": lambda known: known["score"].pairs == 20 and known["score"].success > 0.5,
+    "matcher": lambda known: (
+        known["score"].pairs == 20 and known["score"].success > 0.5 and known["drive"].matched_share > 0.9
+    ),
     "measure": lambda known: "unpaired" in known["found"].confidence,
 }
 """What holds when an example has done what it says, by the names that it left behind."""
@@ -83,15 +93,16 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     ros_map.write(tmp_path / "my_map.yaml", flat())
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    before = dict(MEASURES)
+    before = [(known, dict(known)) for known in (MEASURES, MATCHERS)]
     yield tmp_path
-    MEASURES.clear()
-    MEASURES.update(before)
+    for known, entries in before:
+        known.clear()
+        known.update(entries)
 
 
 def test_every_block_of_the_section_is_run_here() -> None:
     assert list(BLOCKS) == ["log", "map", "matcher", "measure"]
-    assert section("Bring your own").count("```") == 2 * len(BLOCKS)
+    assert section("Bring your own").count("```") == 2 * len(BLOCKS) + 2  # a matcher has two
 
 
 @pytest.mark.parametrize("name", BLOCKS)
@@ -100,6 +111,19 @@ def test_what_you_bring_runs(name: str, elsewhere: Path, capsys: pytest.CaptureF
     exec(compile(BLOCKS[name], f"README.md, your own {name}", "exec"), known)
     assert PROOF[name](known)
     assert capsys.readouterr().out.strip()
+
+
+def test_a_matcher_of_a_module_is_taken_from_the_shell(
+    elsewhere: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (elsewhere / "my_matcher.py").write_text(BLOCKS["matcher"].split("from scenarios.bench")[0])
+    monkeypatch.syspath_prepend(str(elsewhere))
+    command = "run my_drive.log --matcher my_matcher:nearest --methods slamstitch --format json"
+    monkeypatch.setattr(sys, "argv", command.split())
+    assert main(Options, COMMAND, run) == 0
+    config = json.loads((elsewhere / "runs" / "latest" / "config.json").read_text())
+    assert config["methods"]["frontend"]["method"] == "my_matcher:nearest"
+    assert json.loads(capsys.readouterr().out)["scans"] == 50
 
 
 def test_the_tutorial_runs(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -69,9 +69,10 @@ class LoopConfig:
     the graph knows of how two submaps lie, its covariance ``inflation``-fold, and ``window`` (for an INS
     ``window_ins``) m and ``window_angle`` rad on top make three sigma that are searched; beyond ``usable``
     (m, rad) the search is of all alignments, and what it finds must be believed by ``least_belief`` log-odds.
-    Per submap there is a bounded number of stitches, in at most
-    ``rounds`` rounds. Graph distance, where it is asked for: an accepted loop counts ``trusted_edge`` m, a
-    failure adds ``broken_edge`` m. ``back_end`` judges the stitches. For ablation: of all stitches a share of
+    A pair is tried only if a stitch is expected to tell ``least_information`` nats: one that the graph knows
+    by others needs none, however often its place is seen. All in at most ``rounds`` rounds. Graph distance,
+    where it is asked for: an accepted loop counts ``trusted_edge`` m, a failure adds ``broken_edge`` m.
+    ``back_end`` judges the stitches. For ablation: of all stitches a share of
     ``injected`` is made up, drawn with ``injected_seed``.
     """
 

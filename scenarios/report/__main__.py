@@ -46,9 +46,10 @@ class Options:
 def run(options: Options) -> None:
     """Write the report and print where it is."""
     try:
-        print(written(options))
+        words = written(options)
     except OSError as error:
         raise BadInput(f"--out {options.out}: cannot be written: {error.strerror}") from error
+    print(words)
 
 
 def written(options: Options) -> str:

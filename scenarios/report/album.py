@@ -76,9 +76,7 @@ class Drawing:
     def plate(self) -> Plate:
         """The figure, drawn."""
         figure = self.draw()
-        picture = png(figure)
-        figure.set_layout_engine("none")  # laid out already: once more would take as long again
-        return Plate(self.name, picture, pdf(figure), self.alt, self.caption)
+        return Plate(self.name, png(figure), pdf(figure), self.alt, self.caption)
 
 
 def write(into: Path, plates: Sequence[Plate]) -> None:

@@ -20,10 +20,12 @@ from scenarios.report.style import (
     ORANGE,
     RIGHT,
     SKY,
+    TICKS,
     VERMILLION,
     WIDTH,
     grid,
     panels,
+    titled,
 )
 from slam.occupancy import Grid
 from slam.recording import Recording
@@ -52,7 +54,7 @@ def maps(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[st
     for ax, estimate, cells, view in zip(axes, estimates, drawn, shown, strict=True):
         ax.axis(view)
         _draw_walls(ax, cells, truth_cells, _marker_size(ax, view))
-        ax.set_title(titles[estimate.method], fontsize=FONT["title"], parse_math=False)
+        titled(ax, titles[estimate.method])
         _tell_of_walls_outside(ax, cells, view)
     if truth_cells is not None:
         legend(
@@ -73,7 +75,7 @@ def trajectories(recording: Recording, estimates: Sequence[Estimate], titles: Ma
             ax.plot(truth[:, 0], truth[:, 1], color=ORANGE, linewidth=3.0, solid_capstyle="round")
         ax.plot(path[:, 0], path[:, 1], color=BLACK, linewidth=0.9)
         ax.plot(*path[0, :2], marker="o", color=BLUE, markersize=6, linestyle="none")
-        ax.set_title(titles[estimate.method], fontsize=FONT["title"], parse_math=False)
+        titled(ax, titles[estimate.method])
     entries = [("estimate", BLACK), ("its start", BLUE)]
     legend(figure, entries if truth is None else [("truth", ORANGE), *entries])
     return figure
@@ -104,18 +106,34 @@ def confidence(estimate: Estimate) -> Figure:
         values = track.matches.astype(float) if name == "matches" else track.confidence[name]
         _confidence_panel(ax, np.flatnonzero(tried), values[tried], lost, scale)
         ax.set_ylabel(label, fontsize=FONT["label"])
-        for first, last in gaps:
-            ax.axvspan(first - 0.5, last + 0.5, color=SKY, alpha=0.5, linewidth=1.5, zorder=0)
+        _shade(ax, gaps)
         ax.set_xlim(-0.5, len(track) - 0.5)
         ax.tick_params(labelbottom=ax is axes[-1])
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
-    axes[0].set_title(
+    titled(
+        axes[0],
         f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, {len(gaps)} cuts",
-        fontsize=FONT["title"],
-        parse_math=False,
     )
     legend(figure, [("matched step", BLACK), ("step without a match", VERMILLION), ("cut", SKY)])
     return figure
+
+
+def _shade(ax: Axes, gaps: Sequence[tuple[int, int]]) -> None:
+    """Bands over stretches of scans, first and last."""
+    from matplotlib.collections import PolyCollection
+
+    bands = [
+        [(first - 0.5, 0.0), (first - 0.5, 1.0), (last + 0.5, 1.0), (last + 0.5, 0.0)] for first, last in gaps
+    ]
+    style: dict[str, Any] = {
+        "facecolors": SKY,
+        "edgecolors": SKY,
+        "alpha": 0.5,
+        "linewidths": 1.5,
+        "zorder": 0,
+    }
+    shaded = PolyCollection(bands, transform=ax.get_xaxis_transform(), **style)
+    ax.add_collection(shaded, autolim=False)
 
 
 def _grid(recording: Recording, poses: Array) -> Grid:
@@ -189,12 +207,19 @@ def _tell_of_walls_outside(ax: Axes, cells: np.ndarray | None, view: View) -> No
 
 
 def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarray, scale: str) -> None:
+    from matplotlib.ticker import LogLocator, NullLocator
+
     drawable = np.isfinite(values) & ((values > 0.0) if scale == "log" else True)
     ax.set_yscale(scale)
     if scale == "log":
+        ax.yaxis.set_major_locator(LogLocator(numticks=TICKS))
         ax.yaxis.set_major_formatter("{x:.0e}")  # plain text: mathematics take ten times as long to set
-    ax.yaxis.set_minor_formatter("")  # less than a decade would label every one of them, over each other
-    ax.plot(scans, np.where(drawable, values, np.nan), color=BLACK, linewidth=0.5, marker=".", markersize=2.5)
+    ax.yaxis.set_minor_locator(NullLocator())
+    alone = drawable & ~np.append(False, drawable[:-1]) & ~np.append(drawable[1:], False)
+    ax.plot(
+        scans, np.where(drawable, values, np.nan), color=BLACK, linewidth=0.5,
+        marker=".", markersize=2.5, markevery=alone,
+    )  # fmt: skip
     if not np.any(drawable):
         ax.text(0.5, 0.5, "no step was matched", transform=ax.transAxes, ha="center", fontsize=FONT["label"])
     elif scale == "linear":

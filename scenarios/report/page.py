@@ -41,8 +41,11 @@ def render(
 
     judged = headline(metrics)
     table = tabulate(metrics)
-    best = best_method(metrics) or _shown_first(estimates)
-    live = script_safe(told(recording, estimates, best, simulated)) if estimates else None
+    live = (
+        script_safe(told(recording, estimates, _shown_first(estimates, metrics), simulated))
+        if estimates
+        else None
+    )
     return environment().get_template("report.html.j2").render(
         recording=recording,
         verdict=verdict(metrics, estimates),
@@ -74,8 +77,12 @@ def environment() -> jinja2.Environment:
     )
 
 
-def _shown_first(estimates: Sequence[Estimate]) -> str | None:
-    """The method to open with where none is scored: ours, else the last."""
+def _shown_first(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> str | None:
+    """The method to open with: the best; where that is dead reckoning, which has nothing to show, or none is
+    scored, ours, else the last."""
+    best = best_method(metrics)
+    if best not in (None, BASELINE):
+        return best
     methods = [estimate.method for estimate in estimates]
     return "slamstitch" if "slamstitch" in methods else methods[-1] if methods else None
 

@@ -10,7 +10,7 @@ import numpy as np
 from scenarios.estimate import Estimate
 from scenarios.evaluation.trajectory import aligned
 from scenarios.report.figures import legend, views
-from scenarios.report.style import BLACK, FONT, SKY, VERMILLION, panels
+from scenarios.report.style import BLACK, SKY, VERMILLION, panels, titled
 from slam import se2
 from slam.recording import Recording
 from slam.se2 import Array
@@ -65,14 +65,16 @@ def uncertainty(recording: Recording, estimates: Sequence[Estimate], titles: Map
         ax.axis(view)
         rows = _spaced(path, np.isfinite(covariance[:, 0, 0]))
         outlines = ellipses(path[rows], in_axes(path[rows], covariance[rows]), TIMES)
-        ax.add_collection(PolyCollection(list(outlines), facecolors=SKY, edgecolors="none", alpha=0.45))
+        ax.add_collection(
+            PolyCollection(list(outlines), facecolors=SKY, edgecolors="none", alpha=0.45, rasterized=True)
+        )
         ax.plot(path[:, 0], path[:, 1], color=BLACK, linewidth=0.8)
         if estimate.track is not None:
             tried = estimate.track.verdict != Verdict.SKIPPED
             lost = path[tried & (estimate.track.matches == 0)][1:]
             ax.plot(lost[:, 0], lost[:, 1], linestyle="none", marker="o", markersize=3, color=VERMILLION)
         title = f"{titles[estimate.method]}; covariance of each {what}"
-        ax.set_title(title, fontsize=FONT["title"], parse_math=False)
+        titled(ax, title)
     legend(
         figure,
         [("path", BLACK), (f"95 %, {TIMES} times as large", SKY), ("no match", VERMILLION)],

@@ -18,7 +18,7 @@ from scenarios.report.evidence import (
     surface,
 )
 from scenarios.report.pieces import MERGING, before, partner, piece, pose_of
-from scenarios.report.style import BLACK, BLUE, FONT, GREY, ORANGE, VERMILLION, WIDTH
+from scenarios.report.style import BLACK, BLUE, FONT, GREY, ORANGE, VERMILLION, WIDTH, settle, titled
 from scenarios.report.tiles import Tile, in_both, pair, sheet
 from slam import se2
 from slam.se2 import Array
@@ -92,6 +92,8 @@ def one(estimate: Estimate, tried: TriedStitch, config: AlignConfig) -> Figure:
         height_ratios=[1.0, 1.0, 1.1],
         gridspec_kw=ROOM,
     )
+    for panel in ax.values():
+        settle(panel)
     _pieces(ax["before"], a.points, se2.transform(before(estimate, tried), b.points), "before")
     _pieces(ax["after"], a.points, se2.transform(T, b.points), "after", agreement=True)
     if found is not None and third == "surface":
@@ -100,8 +102,6 @@ def one(estimate: Estimate, tried: TriedStitch, config: AlignConfig) -> Figure:
     for name, axis in zip("XY", axes(a, b, T), strict=True):
         _profiles(ax[name], axis, name)
         _shifts(ax[f"{name} shifts"], axis, name)
-    for one_of_them in figure.axes:
-        one_of_them.tick_params(labelsize=FONT["tick"])
     return figure
 
 
@@ -113,22 +113,23 @@ def _pieces(ax: Axes, a: Array, b: Array, title: str, agreement: bool = False) -
             points[:, 0], points[:, 1], s=2.0, color=colour, linewidths=0, label=label, rasterized=True
         )
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_title(title, fontsize=FONT["title"], loc="left")
-    ax.legend(
-        fontsize=FONT["tick"], frameon=False, ncols=3, markerscale=4, loc="lower right", borderpad=0.0,
-        bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=0.8,
-    )  # fmt: skip
+    titled(ax, title, "left")
+    if agreement:
+        ax.legend(
+            fontsize=FONT["tick"], frameon=False, ncols=3, markerscale=4, loc="lower right", borderpad=0.0,
+            bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=0.8,
+        )  # fmt: skip
 
 
 def _rotation(above: Axes, below: Axes, a: Walls, b: Walls, T: Array) -> None:
     """Hough spectra and their correlation (report, figures 5.4 and 5.13)."""
     for walls, colour in ((a, BLUE), (b, ORANGE)):
         above.plot(np.arange(len(walls.spectrum)), walls.spectrum, color=colour, linewidth=0.9)
-    above.set_title("Hough spectra [°]", fontsize=FONT["title"], loc="left")
+    titled(above, "Hough spectra [°]", "left")
     below.plot(rotation_correlation(a, b), color=BLACK, linewidth=0.9)
     turn = float(np.degrees(T[2]))
     below.axvline(turn % 180.0, color=VERMILLION, linestyle=":", linewidth=1.2)
-    below.set_title(f"correlation [°]: {turn:.1f}°", fontsize=FONT["title"], loc="left")
+    titled(below, f"correlation [°]: {turn:.1f}°", "left")
     for ax in (above, below):
         ax.set_xlim(0.0, 180.0)
         ax.set_ylim(bottom=0.0)
@@ -148,14 +149,14 @@ def _profiles(ax: Axes, axis: Axis, name: str) -> None:
             color=colour,
             linewidth=0.9,
         )
-    ax.set_title(f"{name} spectra [m]", fontsize=FONT["title"], loc="left")
+    titled(ax, f"{name} spectra [m]", "left")
 
 
 def _shifts(ax: Axes, axis: Axis, name: str) -> None:
     x = axis.first_shift + np.arange(len(axis.correlation)) * RESOLUTION
     ax.plot(x, axis.correlation, color=BLACK, linewidth=0.9)
     ax.axvline(axis.shift, color=VERMILLION, linestyle=":", linewidth=1.2)
-    ax.set_title(f"{name} correlation: {axis.shift:.2f} m", fontsize=FONT["title"], loc="left")
+    titled(ax, f"{name} correlation: {axis.shift:.2f} m", "left")
 
 
 def _surface(ax: Axes, found: Correlation, T: Array, config: AlignConfig) -> None:
@@ -166,4 +167,4 @@ def _surface(ax: Axes, found: Correlation, T: Array, config: AlignConfig) -> Non
     extent = (x, x + width * found.resolution, y, y + height * found.resolution)
     ax.imshow(score, origin="lower", extent=extent, cmap="viridis", vmin=float(np.median(score)))
     ax.plot(T[0], T[1], marker="+", color="white", markersize=10, markeredgewidth=1.5)
-    ax.set_title(f"score within {REACH:.0f} m", fontsize=FONT["title"], loc="left")
+    titled(ax, f"score within {REACH:.0f} m", "left")

@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarios.estimate import Estimate
-from scenarios.report.style import BLACK, BLUE, FONT, GREY, ORANGE, VERMILLION, WIDTH
+from scenarios.report.style import (
+    BLACK,
+    BLUE,
+    FONT,
+    GREY,
+    LEFT,
+    ORANGE,
+    RIGHT,
+    VERMILLION,
+    WIDTH,
+    grid,
+    titled,
+)
 from slam import se2
 from slam.se2 import Array
 from slam.track import Verdict
@@ -29,6 +41,8 @@ MOST_SMOKE = 8.0
 """Extinction coefficient drawn darkest [1/m]: what blinds the laser would bleach the haze."""
 SHADES = 6
 """Of ground and of smoke: bands, which read like contour lines and keep the picture small."""
+SCALE, MOST_HEIGHT, SMALL = 0.8, 9.0, 5.0
+"""Room for the scale of colours, the highest drawing, and the width of a small one [inch]."""
 MOST_TILT = 12.0
 """End of the colour scale [°]: a robot that lies on its back would bleach all else."""
 
@@ -38,29 +52,37 @@ def from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
 
     Where the matcher of ``estimate`` (the Weighted Scan Matcher's, say) had no match the path is marked.
     """
+    low, high = _extent(run)
+    aspect = float((high[1] - low[1]) / (high[0] - low[0]))
+    across = min(WIDTH - LEFT - RIGHT - SCALE, MOST_HEIGHT / aspect)
+    figure, (ax,) = grid(1, 1, across, across * aspect, 0.0, 0.0, beside=SCALE)
+    line = _draw_drive(ax, run, estimate)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    place, wide = ax.get_position(), SCALE / figure.get_figwidth()
+    inside = figure.add_axes((place.x1 + 0.2 * wide, place.y0, 0.2 * wide, place.height))
+    bar = figure.colorbar(line, cax=inside, extend="max")
+    bar.set_label("tilt of the robot [°]", fontsize=FONT["label"])
+    bar.ax.tick_params(labelsize=FONT["tick"])
+    _legend(figure, run, estimate)
+    return figure
+
+
+def thumbnail(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
+    """The same on a picture `SMALL` inch wide, without axes and legend, with a scale."""
     from matplotlib.figure import Figure
 
     low, high = _extent(run)
     width, height = high - low
-    figure = Figure(
-        figsize=(WIDTH, np.clip(WIDTH * 0.86 * height / width, 2.2, 9.0) + 1.1), layout="constrained"
-    )
-    ax = figure.add_subplot()
-    _draw_ground(ax, run)
-    _draw_solids(ax, run)
-    line = _draw_path(ax, run)
-    if estimate is not None and estimate.track is not None:
-        tried = estimate.track.verdict != Verdict.SKIPPED
-        lost = run.recording.truth[tried & (estimate.track.matches == 0)]  # type: ignore[index]
-        ax.scatter(
-            lost[:, 0], lost[:, 1], s=26, facecolors="none", edgecolors=VERMILLION, linewidths=1.1, zorder=6
-        )
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    ax.tick_params(labelsize=FONT["tick"])
-    bar = figure.colorbar(line, ax=ax, shrink=0.8, pad=0.01, extend="max")
-    bar.set_label("tilt of the robot [°]", fontsize=FONT["label"])
-    bar.ax.tick_params(labelsize=FONT["tick"])
-    _legend(figure, run, estimate)
+    low = low - [0.0, 0.07 * width]  # the scale lies under it
+    figure = Figure(figsize=(SMALL, SMALL * (height + 0.07 * width) / width))
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    _draw_drive(ax, run, estimate)
+    metres = 10 if width > 40.0 else 5
+    left, y = low[0] + 0.02 * width, low[1] + 0.03 * width
+    ax.plot([left, left + metres], [y, y], color=BLACK, linewidth=2.0, solid_capstyle="butt")
+    ax.text(left + metres + 0.015 * width, y, f"{metres} m", fontsize=FONT["title"], va="center")
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     return figure
 
 
@@ -69,15 +91,12 @@ def from_the_side(run: SimulatedRun) -> Figure:
 
     Beams within 8° of the heading, without noise; the dashed line is where a level laser would have looked.
     """
-    from matplotlib.figure import Figure
-
     scan = _most_pitched(run)
     pose, angles, ranges = _seen(run, scan)
     ahead, up = _in_heading_plane(pose, angles, ranges)
     level = _level_range(run, pose)
     reach = max(1.5, level, float(np.nanmax(np.append(ahead, 0.0))))
-    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
-    ax = figure.add_subplot()
+    figure, (ax,) = grid(1, 1, WIDTH - LEFT - RIGHT, 2.2, 0.0, 0.0)
     _draw_profile(ax, run, pose, reach)
     z = float(pose[5])
     for x, height in zip(ahead, up, strict=True):
@@ -86,9 +105,8 @@ def from_the_side(run: SimulatedRun) -> Figure:
     ax.plot([0.0, level], [z, z], color=BLACK, linestyle="--", linewidth=0.9, label="a level laser")
     ax.plot([0.0], [z], marker="s", color=BLACK, markersize=6, linestyle="none", label="laser")
     roll, pitch = np.degrees(run.tilt[scan])
-    ax.set_title(f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", fontsize=FONT["title"], loc="left")
+    titled(ax, f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", "left")
     ax.set(xlim=(-BEHIND, reach + 0.3), xlabel="distance ahead [m]", ylabel="height [m]")
-    ax.tick_params(labelsize=FONT["tick"])
     ax.legend(
         fontsize=FONT["tick"],
         loc="lower right",
@@ -98,6 +116,20 @@ def from_the_side(run: SimulatedRun) -> Figure:
         ncols=3,
     )
     return figure
+
+
+def _draw_drive(ax: Axes, run: SimulatedRun, estimate: Estimate | None) -> LineCollection:
+    """The world, the path, and where the matcher of ``estimate`` had no match."""
+    _draw_ground(ax, run)
+    _draw_solids(ax, run)
+    line = _draw_path(ax, run)
+    if estimate is not None and estimate.track is not None:
+        tried = estimate.track.verdict != Verdict.SKIPPED
+        lost = run.recording.truth[tried & (estimate.track.matches == 0)]  # type: ignore[index]
+        ax.scatter(
+            lost[:, 0], lost[:, 1], s=26, facecolors="none", edgecolors=VERMILLION, linewidths=1.1, zorder=6
+        )
+    return line
 
 
 def _extent(run: SimulatedRun) -> tuple[Array, Array]:
@@ -134,7 +166,7 @@ def _shade(ax: Axes, values: Array, origin: tuple[float, float], resolution: flo
         vmin=-0.2 * top,
         vmax=top,
         alpha=0.55,
-        interpolation="nearest",
+        interpolation="none",
         zorder=0,
     )
 
@@ -162,7 +194,7 @@ def _draw_path(ax: Axes, run: SimulatedRun) -> LineCollection:
     assert truth is not None
     tilt = np.degrees(np.arccos(np.clip(np.cos(run.tilt[:, 0]) * np.cos(run.tilt[:, 1]), -1.0, 1.0)))
     pieces = np.stack([truth[:-1, :2], truth[1:, :2]], axis=1)
-    line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5)
+    line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5, rasterized=True)
     line.set_array(np.maximum(tilt[:-1], tilt[1:]))
     line.set_clim(0.0, MOST_TILT)
     ax.add_collection(line)
@@ -193,7 +225,7 @@ def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> Non
             )
         )
     figure.legend(
-        handles=entries, fontsize=FONT["tick"], frameon=False, ncols=len(entries), loc="outside lower center"
+        handles=entries, fontsize=FONT["tick"], frameon=False, ncols=len(entries), loc="lower center"
     )
 
 

@@ -18,7 +18,7 @@ def page(run: Run, plates: Sequence[Plate], stages: Mapping[str, Cost]) -> str:
     made: Any = run.environment
     told = {
         "command": run.asked["command"],
-        "seed": run.seed,
+        **({} if run.simulated is None else {"seed": run.seed}),  # a log is what it is
         "code": made["git"] or made["slamstitch"],
         "python": made["python"],
         "packages": made["packages"],

@@ -4,6 +4,7 @@ from slam.matching.bias import Bias
 from slam.matching.config import RAW_WSM, MatchConfig
 from slam.matching.match import match
 from slam.matching.reference import LocalMap, Reference
+from slam.matching.registry import MATCHERS
 from slam.matching.result import Match, NoMatch
 
-__all__ = ["RAW_WSM", "Bias", "LocalMap", "Match", "MatchConfig", "NoMatch", "Reference", "match"]
+__all__ = ["MATCHERS", "RAW_WSM", "Bias", "LocalMap", "Match", "MatchConfig", "NoMatch", "Reference", "match"]

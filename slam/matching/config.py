@@ -10,7 +10,8 @@ import numpy as np
 
 from slam.se2 import Array
 
-Method = Literal["wsm", "icp", "plicp"]
+Method = str
+"""A name of `slam.matching.registry`."""
 CovarianceMode = Literal["p2l", "joint", "pfister_block"]
 Solver = Literal["joint", "alternating"]
 

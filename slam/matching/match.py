@@ -9,6 +9,7 @@ import numpy as np
 from slam.matching.bias import Bias
 from slam.matching.config import CovarianceMode, MatchConfig, Method
 from slam.matching.reference import LocalMap, Reference
+from slam.matching.registry import MATCHERS, OURS
 from slam.matching.result import Match, NoMatch
 from slam.scan import Scan
 from slam.se2 import Array
@@ -33,12 +34,10 @@ def match(
     ``prior_information (3, 3)`` weighs the guess itself (additive errors, reference frame); ``bias`` is what
     another sensor adds to the scan. ``wsm`` is the Gauss–Newton solution of Pfister's weighted cost (2002),
     ``plicp`` counts the component along the reference's normal only, weighted by both points' covariances,
-    ``icp`` weighs all pairs alike. Raises ``ValueError`` on a guess that is not three finite numbers or on an
-    unknown method or covariance.
+    ``icp`` weighs all pairs alike; other names are those of `MATCHERS`, which heed neither ``covariance`` nor
+    ``config``. Raises ``ValueError`` on a guess that is not three finite numbers or on an unknown method or
+    covariance, ``TypeError`` when one of `MATCHERS` answers something else.
     """
-    from slam.matching.kernels import ICP, PLICP, WSM
-    from slam.matching.solve import solve
-
     guess = _checked(guess, method, covariance)
     reference = Reference(reference) if isinstance(reference, Scan) else reference
     if bias is not None:
@@ -47,6 +46,11 @@ def match(
     if len(reference) == 0 or len(scan) == 0:
         return NoMatch("a scan has no points")
     prior = NO_PRIOR if prior_information is None else np.asarray(prior_information, dtype=np.float64)
+    if method in MATCHERS:
+        return _asked(method, reference, scan, guess, prior)
+    from slam.matching.kernels import ICP, PLICP, WSM
+    from slam.matching.solve import solve
+
     number = {"wsm": WSM, "icp": ICP, "plicp": PLICP}[method]
     answer, fits, far, body, eigenvalues, tried = solve(
         number, COVARIANCES.index(covariance), config.solver == "alternating", reference.indexed,
@@ -77,11 +81,21 @@ def _checked(guess: Array, method: str, covariance: str) -> Array:
     guess = np.asarray(guess, dtype=np.float64)
     if guess.shape != (3,) or not np.isfinite(guess).all():
         raise ValueError(f"guess: expected three finite numbers x, y, yaw; got {guess!r}")
-    if method not in get_args(Method):
-        raise ValueError(f"method: expected one of {get_args(Method)}, got {method!r}")
+    if method not in OURS and method not in MATCHERS:
+        raise ValueError(f"method: expected one of {(*OURS, *MATCHERS)}, got {method!r}")
     if covariance not in COVARIANCES:
         raise ValueError(f"covariance: expected one of {COVARIANCES}, got {covariance!r}")
     return guess
+
+
+def _asked(
+    name: str, reference: Reference | LocalMap, scan: Reference, guess: Array, prior: Array
+) -> Match | NoMatch:
+    """What a matcher from outside answers."""
+    answer = MATCHERS[name](reference, scan, guess, prior)
+    if not isinstance(answer, Match | NoMatch):
+        raise TypeError(f"matcher {name!r}: expected a Match or a NoMatch, got {type(answer).__name__}")
+    return answer
 
 
 def _window(config: MatchConfig, prior: Array) -> tuple[float, ...]:

@@ -29,6 +29,11 @@ class Reference:
     def __len__(self) -> int:
         return len(self.scan)
 
+    @property
+    def points(self) -> Array:
+        """Points ``(n, 2)`` m."""
+        return self.scan.points
+
     @cached_property
     def cloud(self) -> Cloud:
         """The scan's arrays, contiguous for the kernels."""
@@ -69,6 +74,11 @@ class LocalMap:
     def __len__(self) -> int:
         """Points in the map."""
         return int(self._sizes.sum())
+
+    @property
+    def points(self) -> Array:
+        """Points ``(n, 2)`` m."""
+        return self._cloud[0][np.isfinite(self._cloud[0][:, 0])]
 
     @property
     def indexed(self) -> tuple[Cloud, Any]:

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from slam import se2
 from slam.se2 import Array
+
+_YAW_AS_METRES = np.outer([1.0, 1.0, 0.5], [1.0, 1.0, 0.5])
+"""Scales an information so that a radian counts for two metres."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +36,36 @@ class Match:
     converged: bool
     information_eigenvalues: Array
     tried: int
+
+    @classmethod
+    def claimed(
+        cls, T_reference_scan: Array, information: Array, n_matches: int, prior: Array | None = None
+    ) -> Match:
+        """The answer of a matcher that says no more than this; what it does not say is NaN.
+
+        ``information (3, 3)`` is what the scans tell, ``prior (3, 3)`` what was known before: additive (x, y,
+        yaw) errors in the reference frame. Of a direction that both leave open 1 m or 1 rad is claimed.
+        Raises ``ValueError`` for shapes that differ or numbers that are not finite.
+        """
+        from slam.matching.covariance import floored_inverse
+
+        pose, told = np.asarray(T_reference_scan, dtype=np.float64), np.array(information, dtype=np.float64)
+        if pose.shape != (3,) or told.shape != (3, 3) or not np.isfinite([*pose, *told.ravel()]).all():
+            raise ValueError(f"match: expected a finite pose (3,) and information (3, 3), got {pose}, {told}")
+        known = told if prior is None else told + prior
+        return cls(
+            T_reference_scan=np.array([*pose[:2], se2.wrap(pose[2])]),
+            covariance=se2.to_body_covariance(pose, floored_inverse(known)),
+            information=told,
+            n_matches=int(n_matches),
+            residual_rms=np.nan,
+            residual_p90=np.nan,
+            misfit=np.nan,
+            iterations=0,
+            converged=True,
+            information_eigenvalues=np.linalg.eigvalsh(known * _YAW_AS_METRES),
+            tried=1,
+        )
 
 
 @dataclass(frozen=True)

@@ -26,23 +26,24 @@ N = 12
 SIGMA = np.array([0.05, 0.05, 0.03])
 
 
-def truth() -> Array:
-    """Anchors of N submaps twice round a ring of 6 m."""
-    angle = 4.0 * np.pi * np.arange(N) / N
+def truth(rounds: int = 2) -> Array:
+    """Anchors of N / 2 submaps a round, on a ring of 6 m."""
+    angle = 4.0 * np.pi * np.arange(rounds * N // 2) / N
     return np.column_stack([3.0 * np.sin(angle), -3.0 * np.cos(angle), se2.wrap(angle)])
 
 
-def ring(drift: float = 0.02) -> tuple[list[Submap], PoseGraph]:
+def ring(drift: float = 0.02, rounds: int = 2) -> tuple[list[Submap], PoseGraph]:
     """The submaps, ten scans each and nothing in them but their anchor, and their chain, which drifts."""
-    steps = se2.compose(se2.between(truth()[:-1], truth()[1:]), [0.0, 0.0, drift])
-    poses = [truth()[0]]
+    true = truth(rounds)
+    steps = se2.compose(se2.between(true[:-1], true[1:]), [0.0, 0.0, drift])
+    poses = [true[0]]
     for step in steps:
         poses.append(se2.compose(poses[-1], step))
     nothing = Scan.from_ranges(np.full(3, np.nan), np.arange(3.0), Laser())
     grid = Grid(np.zeros((1, 1), dtype=bool), np.zeros((1, 1), dtype=bool), np.zeros(2), 0.1)
-    submaps = [Submap(10 * k, 10 * k + 10, poses[k], nothing, grid) for k in range(N)]
-    k = np.arange(N - 1)
-    information = np.tile(np.diag(SIGMA**-2.0), (N - 1, 1, 1))
+    submaps = [Submap(10 * k, 10 * k + 10, poses[k], nothing, grid) for k in range(len(true))]
+    k = np.arange(len(true) - 1)
+    information = np.tile(np.diag(SIGMA**-2.0), (len(k), 1, 1))
     return submaps, PoseGraph(np.array(poses), np.stack([k, k + 1], -1), steps, information)
 
 
@@ -58,7 +59,8 @@ class Stitcher:
         self.asked.append((*pair, prior))
         if self.told is not None and pair not in self.told:
             return NoStitch("not told")
-        T = se2.between(truth()[pair[0]], truth()[pair[1]])
+        at = truth(2 + max(pair) // (N // 2))
+        T = se2.between(at[pair[0]], at[pair[1]])
         return Stitch(T, np.diag([0.01, 0.01, 0.003]) ** 2, 1.0, 9.0, 1.0)
 
 
@@ -142,6 +144,30 @@ def test_a_submap_drawn_anew_reopens_its_pairs() -> None:
     tried = set(search.results)
     search.redraw(lambda poses, drawn: [replace(s) if k == 7 else s for k, s in enumerate(drawn)])
     assert set(search.results) == {pair for pair in tried if 7 not in pair}
+
+
+def test_what_the_graph_knows_is_not_stitched() -> None:
+    submaps, backbone = ring()
+    search = Search(submaps, backbone, "odometry", CONFIG)
+    open_still = search.information(0, 6)
+    search.visit(6, Stitcher([(0, 6)]), 0)
+    assert search.information(0, 6) < 0.5 * open_still
+    stitcher = Stitcher()
+    close(submaps, backbone, "odometry", replace(CONFIG, least_information=100.0), stitcher)
+    assert stitcher.asked == []
+
+
+def test_what_a_round_asks_does_not_grow_with_the_rounds_before() -> None:
+    """Every place has been seen ever more often; what ties a submap to one of them ties it to all."""
+    rounds, config = 8, replace(CONFIG, candidates=5, spread=1)
+    submaps, backbone = ring(rounds=rounds)
+    asked = {}
+    for least in (0.0, config.least_information):
+        stitcher = Stitcher()
+        close(submaps, backbone, "odometry", replace(config, least_information=least), stitcher)
+        asked[least] = np.bincount([b // (N // 2) for _, b, _ in stitcher.asked], minlength=rounds)
+    assert np.all(asked[0.0][-3:] == config.candidates * N // 2)
+    assert np.all(asked[config.least_information][1:] <= 1.5 * N // 2)
 
 
 def test_nodes_between_submaps_leave_the_answer_as_it_is() -> None:

@@ -336,6 +336,12 @@ def test_titles_are_not_mathematics(recording, estimates):
     assert png(figures.trajectories(recording, named, {"$a_{$": "$a_{$"}), dpi=40)
 
 
+def shaded(ax):
+    """First and last x of every band over the panel."""
+    (bands,) = ax.collections
+    return [(band.vertices[:, 0].min(), band.vertices[:, 0].max()) for band in bands.get_paths()]
+
+
 def test_confidence_marks_lost_steps_and_cuts(estimates):
     figure = figures.confidence(estimates[1])
     assert len(figure.axes) == 3
@@ -344,9 +350,8 @@ def test_confidence_marks_lost_steps_and_cuts(estimates):
         assert dots.get_xdata().tolist() == [10, 20]  # 21 was not tried
         assert dots.get_color() == figures.VERMILLION
         assert set(line.get_xdata().tolist()) == set(range(N)) - set(range(1, N, 4))
-        (cut,) = ax.patches
-        assert cut.get_x() == 19.5
-        assert cut.get_width() == 2.0
+        assert shaded(ax) == [(19.5, 21.5)]
+        assert not line.get_markevery().any()
     trace = figure.axes[0].get_lines()[0]
     assert np.isnan(trace.get_ydata()[trace.get_xdata() == 10])
     assert figure.axes[0].get_yscale() == figure.axes[1].get_yscale() == "log"
@@ -355,8 +360,7 @@ def test_confidence_marks_lost_steps_and_cuts(estimates):
 def test_segments_that_touch_are_no_cut(estimates):
     divided = replace(estimates[1], submaps=(submap(0, 20), submap(20, 30), submap(33, N)))
     for ax in figures.confidence(divided).axes:
-        (cut,) = ax.patches
-        assert (cut.get_x(), cut.get_width()) == (29.5, 3.0)
+        assert shaded(ax) == [(29.5, 32.5)]
 
 
 def test_confidence_of_a_drive_without_any_match(estimates):
@@ -377,3 +381,14 @@ def test_panels_fit_on_a_page(count, aspect):
     assert len(axes) == count
     assert width <= 11.0
     assert height <= 22.0
+
+
+def test_the_page_opens_with_the_best_but_not_with_dead_reckoning(recording, estimates):
+    def opened(ins, ours):
+        metrics = [*measured("ins", {"ate_rmse": ins}), *measured("slamstitch", {"ate_rmse": ours})]
+        (told,) = (text for text in Page(render(recording, estimates, metrics, {})).scripts if text[0] == "{")
+        return json.loads(told)["best"]
+
+    lost = [estimates[0], replace(estimates[1], method="z")]
+    assert opened(0.2, 0.1) == opened(0.1, 0.2) == "slamstitch"
+    assert '"best":"z"' in render(recording, lost, measured("z", {"ate_rmse": 0.1}), {})

@@ -66,12 +66,12 @@ def test_medians_worst_cases_and_the_best(runs):
 def test_it_is_printed_in_every_form(runs, capsys):
     words = sorted(runs.iterdir())
     table = report(capsys, *words)
-    assert re.search(r"a_b +1 / 1 +0\.2 / 0\.4", table)
+    assert re.search(r"a_b +1 / 1 +0\.200 / 0\.400", table)
     markdown = report(capsys, *words, format="markdown")
-    assert "| a\\_b | 1 / 1 | **0.2** / 0.4 |" in markdown
-    assert "| other | 0.5 | – |" in markdown
+    assert "| a\\_b | 1 / 1 | **0.200** / 0.400 |" in markdown
+    assert "| other | 0.500 | – |" in markdown
     latex = report(capsys, *words, format="latex")
-    assert r"a\_b & 1 / 1 & \textbf{0.2} / 0.4 \\" in latex
+    assert r"a\_b & 1 / 1 & \textbf{0.200} / 0.400 \\" in latex
     assert r"ate\_rmse [m] $\downarrow$" in latex
     assert "–" not in latex
     told = json.loads(report(capsys, *words, format="json"))["comparisons"]

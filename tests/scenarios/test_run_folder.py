@@ -6,11 +6,13 @@ import pytest
 
 from scenarios.cli import BadInput
 from scenarios.estimate import Estimate, TriedStitch
-from scenarios.run_folder import check, prepare, publish
+from scenarios.run_folder import Run, check, prepare, publish
 from scenarios.run_folder.place import safe
 from scenarios.run_folder.plain import plain
+from scenarios.run_folder.report import page
 from scenarios.run_folder.stitches import segments, stories
 from slam.occupancy import Grid
+from slam.recording import Laser, Recording
 from slam.scan import Scan
 from slam.submap import Submap
 from slam.track import Verdict
@@ -114,3 +116,12 @@ def test_a_link_to_nowhere_is_no_folder(tmp_path):
     (tmp_path / "runs").symlink_to(tmp_path / "nowhere")
     with pytest.raises(BadInput, match="is not a folder"):
         check(tmp_path / "runs", "a")
+
+
+def test_the_page_of_a_log_tells_no_seed():
+    recording = Recording("log", np.arange(4.0), np.full((4, 3), 2.0), np.arange(3.0), Laser(), TRUTH)
+    made = dict.fromkeys(("git", "python", "packages", "processor", "cores"), "x")
+    run = Run({"command": "the command"}, made, 7, recording, [Estimate("ins", TRUTH)], [])
+    text = page(run, [], {})
+    assert "the command" in text
+    assert "seed" not in text.partition("<body>")[2].partition("<script")[0]

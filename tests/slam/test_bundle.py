@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slam import chain, se2
-from slam.bundle import BundleConfig, adjust, neighbours
+from slam.bundle import ONE_PASS, BundleConfig, adjust, mapping, neighbours
 from slam.matching import Match, MatchConfig, match
 from slam.posegraph import PoseGraph
 from slam.recording import Recording
@@ -99,6 +99,61 @@ def test_a_scan_by_itself_has_no_neighbours() -> None:
     far = np.column_stack([10.0 * np.arange(5), np.zeros(5), np.zeros(5)])
     assert neighbours(far, np.ones(5, dtype=bool), BundleConfig()).shape == (0, 2)
     assert neighbours(far[:1], np.ones(1, dtype=bool), BundleConfig()).shape == (0, 2)
+
+
+# What the map is made of
+
+
+def along(laps: int, n: int = 41) -> Array:
+    """To and fro along 4 m, always looking the same way."""
+    x = np.linspace(0.0, 4.0, n)
+    to_and_fro = np.concatenate([x[:: 1 if lap % 2 == 0 else -1] for lap in range(laps)])
+    return np.column_stack([to_and_fro, np.zeros((laps * n, 2))])
+
+
+def test_the_map_is_made_of_the_first_passes() -> None:
+    poses = along(8)
+    for passes in (1, 2, 3):
+        made_of = mapping(poses, np.ones(len(poses), dtype=bool), BundleConfig(passes=passes))
+        assert np.all(made_of[: 41 * passes])
+        assert made_of[41 * passes :].sum() <= 41 + 2 * ONE_PASS  # to turn round is no second pass
+        assert not np.any(made_of[2 * 41 * passes :])
+
+
+def test_who_looks_the_other_way_sees_something_new() -> None:
+    poses = along(3)
+    poses[82:, 2] = np.pi
+    assert np.all(mapping(poses, np.ones(len(poses), dtype=bool), BundleConfig(passes=2))[82:])
+
+
+def test_the_unmatched_belong_to_what_is_around_them() -> None:
+    poses = along(4)
+    usable = np.ones(len(poses), dtype=bool)
+    usable[[0, 10, 11, 150, 151, 163]] = False
+    made_of = mapping(poses, usable, BundleConfig(passes=2))
+    np.testing.assert_array_equal(made_of[~usable], [True, True, True, False, False, False])
+    assert np.all(mapping(poses, np.zeros(len(poses), dtype=bool), BundleConfig()))
+
+
+def test_the_held_are_matched_but_not_among_themselves() -> None:
+    poses = along(3)
+    held = np.arange(len(poses)) < 82
+    usable = np.arange(len(poses)) != 100
+    i, j = neighbours(poses, usable, BundleConfig(), held).T
+    assert np.all(held[i])
+    assert set(j.tolist()) == set(range(82, 123)) - {100}
+
+
+def test_the_held_stay_and_the_others_are_placed_among_them(room: Array, record: Record, rms: Rms) -> None:
+    truth = np.concatenate([loop(), loop()])
+    astray_twice = np.concatenate([loop(), astray(loop())])
+    recording = record(room, truth, astray_twice)
+    held = np.arange(len(truth)) < 24
+    graph = adjust(scans_of(recording), backbone(recording), all_of(recording), QUICK, held)
+    np.testing.assert_array_equal(graph.poses[held], truth[held])
+    assert np.linalg.norm(astray_twice[24:, :2] - truth[24:, :2], axis=1).max() > 0.05
+    np.testing.assert_allclose(graph.poses[24:, :2], truth[24:, :2], atol=0.01)
+    assert rms(graph.poses, truth) < 0.005
 
 
 # Where it puts them

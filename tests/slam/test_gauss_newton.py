@@ -177,3 +177,30 @@ def test_relative_covariance_along_a_chain() -> None:
     np.testing.assert_allclose(found[1], two, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(found[3], 0.0, atol=1e-12)
     assert np.trace(found[0]) > np.trace(found[1])
+
+
+@pytest.mark.parametrize("ins", [False, True])
+def test_held_poses_stay_and_the_others_end_where_all_would(ins: bool) -> None:
+    truth, chain = ring(ins=ins)
+    graph = looped(truth, chain)
+    weights = np.ones(len(graph.edges))
+    best = Problem.of(graph).descend(graph.poses, weights)
+    held = np.isin(np.arange(len(best)), [0, 5, 6, 13, 20])
+    start = np.where(held[:, None], best, best + np.array([0.1, -0.05, 0.05]))
+    found = Problem.of(graph, held).descend(start, weights)
+    np.testing.assert_array_equal(found[held], best[held])
+    np.testing.assert_allclose(found, best, atol=1e-4)
+
+
+def test_covariances_given_the_held_poses_are_those_of_the_others_alone() -> None:
+    truth, chain = ring()
+    graph = looped(truth, chain)
+    held = np.isin(np.arange(len(truth)), [0, 5, 6, 13, 20])
+    factor, _ = Problem.of(graph, held).factor(graph.poses, np.ones(len(graph.edges)))
+    information = np.linalg.inv(joint_covariance(graph)).reshape(len(truth), 3, len(truth), 3)
+    free = np.flatnonzero(~held)
+    alone = information[free][:, :, free].reshape(3 * len(free), 3 * len(free))
+    expected = np.linalg.inv(alone).reshape(len(free), 3, len(free), 3)
+    blocks = expected[np.arange(len(free)), :, np.arange(len(free))]
+    np.testing.assert_allclose(factor.inverse_blocks()[free], blocks, rtol=1e-3, atol=1e-9)
+    assert all(np.trace(block) > 0.0 for block in blocks)

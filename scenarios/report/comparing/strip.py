@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from scenarios.report.comparing.comparison import EVERYWHERE, Comparison
 from scenarios.report.comparing.drives import Drive
 
-LEFT, RIGHT, TOP, ROW, GAP, BOTTOM = 150.0, 640.0, 8.0, 14.0, 12.0, 24.0
+LEFT, RIGHT, TOP, ROW, GAP, BOTTOM = 104.0, 400.0, 8.0, 13.0, 12.0, 26.0
 """Ends of the axis, height of a row, between two scenarios and under the last, in the picture's units."""
 SPREAD = 20.0
 """The axis is logarithmic where the largest error or cost is so many times the smallest."""

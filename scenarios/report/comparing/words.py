@@ -35,7 +35,7 @@ def cell_text(cell: Cell, bold: Callable[[str], str]) -> str:
 
 def number(value: float) -> str:
     """Three digits that count, whole numbers as they are."""
-    return f"{value:.0f}" if value == round(value) or abs(value) >= 1000.0 else f"{value:.3g}"
+    return f"{value:.0f}" if value == round(value) or abs(value) >= 1000.0 else f"{value:#.3g}".rstrip(".")
 
 
 def title(comparison: Comparison) -> str:

@@ -15,6 +15,8 @@ LAST = 20
 AROUND = 2048
 """Cells after which the plane repeats: 205 m, more than any laser here reaches."""
 
+_BESIDE = np.indices((3, 3)).reshape(2, 9) - 1
+
 
 def fitting(recording: Recording, poses: Array, rows: np.ndarray) -> np.ndarray:
     """Which beams of the scans ``rows (M,)`` end at a wall that the last keyframes saw, ``(M, B)`` bool.
@@ -33,9 +35,7 @@ def fitting(recording: Recording, poses: Array, rows: np.ndarray) -> np.ndarray:
         if k in wanted:
             fits[wanted[k], seen[k]] = last_seen[x, y] >= number - LAST
         if k in kept:
-            for dx in (-1, 0, 1):
-                for dy in (-1, 0, 1):
-                    last_seen[(x + dx) % AROUND, (y + dy) % AROUND] = number
+            last_seen[(x[:, None] + _BESIDE[0]) % AROUND, (y[:, None] + _BESIDE[1]) % AROUND] = number
             number += 1
     return fits
 

@@ -56,6 +56,7 @@ def _prior(prior: Prior) -> list[float]:
 def _measures(stitch: Stitch) -> dict[str, object]:
     sigma = None if stitch.covariance is None else np.sqrt(np.diag(stitch.covariance))
     return {
+        "belief": stitch.belief,
         "score": stitch.score,
         "overlap": stitch.overlap_area,
         "agreement": stitch.agreement,

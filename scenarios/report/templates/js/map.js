@@ -5,7 +5,7 @@ const at = (x, y) => [y, x]; // Leaflet has latitude first
 
 function makeMap(element) {
   const map = L.map(element, {
-    crs: L.CRS.Simple, zoomSnap: 0.25, zoomDelta: 0.5, minZoom: -3, maxZoom: 9, wheelPxPerZoomLevel: 110,
+    crs: L.CRS.Simple, zoomSnap: 0.1, zoomDelta: 0.5, minZoom: -3, maxZoom: 9, wheelPxPerZoomLevel: 110,
     attributionControl: false, zoomControl: true,
   });
   L.control.scale({ imperial: false, maxWidth: 140 }).addTo(map);

@@ -13,6 +13,8 @@ function makeStitchView(section) {
     const maps = stitchMaps(method, stitch), panels = [];
     panel(panels, "before: as the front end had them", (place) => drawPieces(place, maps.a, moved(stitch.before, maps.b), false));
     if (stitch.T) panel(panels, stitch.state === "refused" ? "the best candidate, refused" : "after: as stitched", (place) => drawPieces(place, maps.a, moved(stitch.T, maps.b), true));
+    const surface = stitch.evidence && stitch.evidence.surface;
+    if (surface) panel(panels, "score of shifts around it", (place) => drawSurface(place, surface, stitch.T));
     if (stitch.evidence) addEvidence(panels, stitch);
     part("panels").replaceChildren(...panels.map((one) => one.place)); // all of them, or widths would be wrong
     panels.forEach((one) => one.draw(one.place));
@@ -39,12 +41,15 @@ function factsOf(method, stitch) {
     ["expected", stitch.prior && `${pose(stitch.prior)}, ± ${sigmas(stitch.prior.slice(3))}`],
     ["1 σ", stitch.sigma && sigmas(stitch.sigma)],
     ["true error", stitch.error && `${stitch.error[0].toFixed(3)} m, ${stitch.error[1].toFixed(2)}°`],
+    ["belief", stitch.belief === null || stitch.belief === undefined ? null : `${stitch.belief.toFixed(1)}: right with ${percent(1 / (1 + Math.exp(-stitch.belief)))}`],
     ["score", stitch.score === undefined ? null : stitch.score.toFixed(2)],
     ["next best", stitch.rivals && stitch.rivals.length ? stitch.rivals.slice(0, 2).map((rival) => `${rival[3].toFixed(2)} at ${pose(rival)}`).join("; ") : null],
     ["walls shared", stitch.agreement === undefined ? null : `${(100 * stitch.agreement).toFixed(0)} % of those in ${stitch.overlap.toFixed(1)} m² seen by both`],
     ["graph weight", stitch.weight === null || stitch.weight === undefined ? null : stitch.weight.toFixed(2)],
   ];
 }
+
+const percent = (share) => (share > 0.9995 ? "more than 99.9 %" : `${(100 * share).toFixed(1)} %`);
 
 function panel(panels, title, draw) {
   panels.push({ place: make("div", {}, make("h4", {}, title)), draw });
@@ -100,7 +105,7 @@ function cellsNear(points) {
 }
 
 function addEvidence(panels, stitch) {
-  const { spectra, correlation, axes, surface } = stitch.evidence;
+  const { spectra, correlation, axes } = stitch.evidence;
   const whole = Array.from({ length: 180 }, (_, i) => i);
   const turn = ((Math.round(degrees(stitch.T[2])) % 180) + 180) % 180;
   panel(panels, "Hough spectra [°]", (place) => chart(place, "", whole, [
@@ -115,7 +120,6 @@ function addEvidence(panels, stitch) {
       marker(chart(place, "", spaced(axis.correlation[0], values.length), [{ label: "correlation", colour: BOTH, values }], { height: 170 }), axis.shift);
     });
   });
-  if (surface) panel(panels, "score of shifts around it", (place) => drawSurface(place, surface, stitch.T));
 }
 
 const spaced = (first, count) => Array.from({ length: count }, (_, i) => first + CELL * i);
@@ -131,7 +135,7 @@ function drawProfiles(place, axis) {
 // Shifts as a field of shades: bright is good, the cross is the answer.
 function drawSurface(place, surface, T) {
   const values = numbers(surface.values), width = surface.width, height = values.length / width;
-  const canvas = make("canvas", { class: "drawn", width: 640, height: Math.round(640 * height / width), role: "img", "aria-label": "Score of shifts around the answer, bright is good, the cross is the answer" });
+  const canvas = make("canvas", { class: "drawn square", width: 640, height: Math.round(640 * height / width), role: "img", "aria-label": "Score of shifts around the answer, bright is good, the cross is the answer" });
   const context = canvas.getContext("2d"), cell = 640 / width;
   for (let i = 0; i < values.length; i++) {
     context.fillStyle = viridis(values[i]);

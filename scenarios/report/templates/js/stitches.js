@@ -65,9 +65,9 @@ function fillStitchList(table, method, open) {
   body.replaceChildren(...method.stitches.map((stitch, index) => {
     const button = make("button", { type: "button", "aria-label": `Open the stitch of ${stitchName(stitch)}` }, stitch.merges ? `… → ${stitch.b}` : `${stitch.a} → ${stitch.b}`);
     button.addEventListener("click", () => open(index));
-    const state = make("span", { class: "state", style: `color: var(--${stitch.state})` }, STATES[stitch.state].label);
+    const state = make("span", { class: "state", style: `color: var(--${stitch.state === "accepted" || stitch.state === "false" ? stitch.state : "soft"})` }, STATES[stitch.state].label);
     return make("tr", {}, make("td", {}, button), make("td", {}, state),
-      ...[number(stitch.score, 1), number(stitch.agreement, 2), number(stitch.overlap, 1), number(stitch.weight, 2), stitch.error ? number(stitch.error[0], 3) : "–"]
+      ...[number(stitch.belief, 1), number(stitch.score, 1), number(stitch.agreement, 2), number(stitch.overlap, 1), number(stitch.weight, 2), stitch.error ? number(stitch.error[0], 3) : "–"]
         .map((text) => make("td", { class: "number" }, text)),
       make("td", {}, stitch.reason || ""));
   }));

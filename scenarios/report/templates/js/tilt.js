@@ -24,7 +24,8 @@ const BOX = "fill: var(--panel); stroke: var(--ink); stroke-width: 1.5";
 function fromTheSide(run, k, roll, pitch, height) {
   const group = makeSvg("g", { transform: `rotate(${degrees(pitch)} ${SIDE.x} ${SIDE.floor})` });
   const top = SIDE.floor - height * SIDE.metre;
-  const ray = pitch > 0 ? Math.min(230, height * SIDE.metre / Math.tan(pitch)) : 230; // as far as the floor
+  const room = pitch > 0 ? height * SIDE.metre / Math.tan(pitch) : (top - 24) / Math.sin(-pitch); // to the floor, to the words
+  const ray = pitch === 0 ? 230 : Math.min(230, room);
   group.append(
     makeSvg("rect", { x: SIDE.x - 20, y: SIDE.floor - 11, width: 40, height: 11, rx: 5, style: BOX }),
     makeSvg("rect", { x: SIDE.x - 6, y: top - 4, width: 12, height: 8, style: "fill: var(--ink)" }),
@@ -48,8 +49,8 @@ function fromTheSide(run, k, roll, pitch, height) {
 }
 
 function fromBehind(roll) {
-  const x = 370;
-  const group = makeSvg("g", { transform: `rotate(${degrees(roll)} ${x} ${SIDE.floor})` });
+  const x = 370, pivot = SIDE.floor - (Math.abs(roll) > Math.PI / 2 ? 9.5 : 0); // on its back it lies on the floor
+  const group = makeSvg("g", { transform: `rotate(${degrees(roll)} ${x} ${pivot})` });
   group.append(
     makeSvg("rect", { x: x - 16, y: SIDE.floor - 11, width: 8, height: 11, style: BOX }),
     makeSvg("rect", { x: x + 8, y: SIDE.floor - 11, width: 8, height: 11, style: BOX }),
