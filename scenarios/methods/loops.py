@@ -342,8 +342,10 @@ def close(
         if len(search.tried) == asked:
             break
     solution = settled(replace(search.graph(), poses=search.poses), config.back_end)
+    believed = replace(search.graph().with_only(solution.weights > 0.5), poses=solution.poses)
+    poses = optimise(believed, "none").poses  # the last word is gtsam's
     tried = weighed(tuple(search.tried), solution.weights)
-    return Closed(search.graph(), solution.poses, tried, tuple(search.submaps), nodes)
+    return Closed(search.graph(), poses, tried, tuple(search.submaps), nodes)
 
 
 def weighed(tried: tuple[TriedStitch, ...], weights: Array) -> tuple[TriedStitch, ...]:

@@ -14,10 +14,9 @@ from scenarios.methods import backbone as backbones
 from scenarios.methods.adjusted import adjusted
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import Closed, Stitcher, close, with_false
-from slam import bundle, keyframes, se2
+from slam import keyframes, se2
 from slam.companions import without_companions
 from slam.frontend import track
-from slam.posegraph import PoseGraph
 from slam.recording import Recording
 from slam.scan import Scan, scans_of
 from slam.se2 import Array
@@ -106,34 +105,6 @@ def stitched(
         rng = np.random.default_rng(config.loops.injected_seed)
         closed = with_false(closed, backbone.poses, config.loops, rng)
     return Stitched(closed, nodes, keyframes.carry(found.poses, nodes, closed.poses))
-
-
-@dataclass(frozen=True)
-class Bundled(Stitched):
-    """A drive stitched, and the bundle's ``graph`` of the keyframes ``rows (K,)``, whose optimum is the
-    answer."""
-
-    rows: np.ndarray
-    graph: PoseGraph
-
-
-def bundled(
-    recording: Recording,
-    scans: Sequence[Scan],
-    found: Track,
-    pieces: tuple[Segment, ...],
-    config: MethodConfig,
-    stitch: Stitcher,
-) -> Bundled | None:
-    """The ``pieces`` of a track `stitched`, and one bundle laid over all keyframes."""
-    drive = stitched(recording, scans, found, pieces, config, stitch)
-    if drive is None:
-        return None
-    matched = found.verdict != Verdict.FELL_BACK
-    rows = keyframes.choose(drive.poses)
-    reckoned = backbones.reckoned(recording, drive.poses, rows)
-    graph = bundle.adjust([scans[k] for k in rows], reckoned, matched[rows], config.bundle)
-    return Bundled(drive.closed, drive.nodes, drive.poses, rows, graph)
 
 
 class _Pen:

@@ -205,7 +205,7 @@ def test_chop_at_rest_is_one_piece() -> None:
 def test_a_piece_begins_where_the_track_turns_as_dead_reckoning_does(
     jump_at: int, degrees: float, start: int
 ) -> None:
-    """A jump within three steps of the failure is made good before the piece begins, one further on is not."""
+    """A jump within three steps of the failure is made good before the piece begins, a later one not."""
     recording = drive("ins")
     nothing = np.zeros((N, 3, 3))
     poses = recording.dead_reckoning.copy()

@@ -9,12 +9,12 @@ import numpy as np
 
 from scenarios.ablate.segmentation.drive import Driven
 from scenarios.evaluation.segmentation import true_errors
+from scenarios.methods.adjusted import adjusted
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import LoopConfig
-from scenarios.methods.slamstitch import bundled
-from slam import dead_reckoning, keyframes, se2
+from scenarios.methods.slamstitch import stitched
+from slam import dead_reckoning, se2
 from slam.bundle import BundleConfig
-from slam.gnc import judge
 from slam.recording import Recording
 from slam.se2 import Array
 from slam.segmentation import THRESHOLDS, Segment, SegmentationConfig, between, lost_steps
@@ -78,7 +78,7 @@ def mapped(driven: Driven, lost: np.ndarray, config: MethodConfig) -> Array:
     recording, scans = driven.recording, driven.scans
     found = relaid(recording, driven.track, lost)
     stitch = partial(align, config=config.loops.align)
-    drive = bundled(recording, scans, found, pieces_of(found, lost), config, stitch)
-    return (
-        found.poses if drive is None else keyframes.carry(drive.poses, drive.rows, judge(drive.graph).poses)
-    )
+    drive = stitched(recording, scans, found, pieces_of(found, lost), config, stitch)
+    if drive is None:
+        return found.poses
+    return adjusted(recording, scans, drive.poses, found.verdict != Verdict.FELL_BACK, config.bundle)[0]
