@@ -31,6 +31,9 @@ BENT = (0.05, 0.05, np.radians(1.0))
 HEAD, JUMP = 3, np.radians(1.0)
 """Steps after a failure, and how much [rad] one of them may turn otherwise than dead reckoning says."""
 
+POST = 1.0
+"""Metres between the graph's nodes where nothing was matched."""
+
 
 def run(recording: Recording, config: MethodConfig) -> Estimate:
     """Track the drive, cut it into submaps, stitch them where they meet, let the graph decide, adjust the
@@ -93,8 +96,7 @@ def stitched(
         return None
     stretches = chop(found, [settled_start(recording, found, piece) for piece in pieces], config.loops.length)
     anchors = np.array([s.start for s in stretches])
-    ends = np.array([a.stop - 1 for a, b in pairwise(stretches) if a.stop != b.start], dtype=np.int64)
-    nodes = np.union1d(anchors, ends)
+    nodes = np.union1d(anchors, between(found, stretches))
     pen = _Pen(recording, scans, drawn, found.poses, nodes)
     submaps = [pen.draw(found.poses, s.start, s.stop) for s in stretches]
     backbone = backbones.tracked(recording, found, nodes)
@@ -151,6 +153,16 @@ def settled_start(recording: Recording, found: Track, piece: Segment) -> Segment
     turned = np.diff(found.poses[rows, 2]) - np.diff(recording.dead_reckoning[rows, 2])
     jumps = np.flatnonzero(np.abs(se2.wrap(turned)) > JUMP)
     return Segment(piece.start + int(jumps[-1]) + 1, piece.stop) if len(jumps) else piece
+
+
+def between(found: Track, stretches: Sequence[Segment]) -> np.ndarray:
+    """Scans about `POST` m apart, rows ``(P,)``, on the way between the stretches, to the first of them
+    and from the last: there the graph has to follow dead reckoning, however that turned."""
+    path = se2.path_length(found.poses)
+    gaps = [(a.stop - 1, b.start) for a, b in pairwise(stretches) if a.stop != b.start]
+    gaps = [(0, stretches[0].start), *gaps, (stretches[-1].stop - 1, len(path) - 1)]
+    posts = [np.searchsorted(path, np.arange(path[i], path[j], POST)).clip(i, j) for i, j in gaps]
+    return np.unique(np.concatenate([np.ravel(gaps), *posts]))
 
 
 def chop(found: Track, stretches: Sequence[Segment], length: float) -> list[Segment]:
