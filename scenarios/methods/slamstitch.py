@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from scenarios.estimate import Estimate
+from scenarios.estimate import Estimate, TriedStitch
 from scenarios.methods import backbone as backbones
 from scenarios.methods.adjusted import adjusted
 from scenarios.methods.config import MethodConfig
@@ -23,7 +23,7 @@ from slam.se2 import Array
 from slam.segmentation import Segment, segments
 from slam.submap import Submap, cut
 from slam.track import Track, Verdict
-from stitch.align import align
+from stitch.align import Stitch, align
 
 BENT = (0.05, 0.05, np.radians(1.0))
 """A submap is drawn anew when one of its scans moved further in it (m, m, rad): half a cell at 3 m."""
@@ -33,6 +33,9 @@ HEAD, JUMP = 3, np.radians(1.0)
 
 POST = 1.0
 """Metres between the graph's nodes where nothing was matched."""
+
+REFUTED = (0.2, 0.2, np.radians(1.5))
+"""A stitch further off than this (m, m, rad) is not one on which the map rests."""
 
 
 def run(recording: Recording, config: MethodConfig) -> Estimate:
@@ -64,7 +67,7 @@ def mapped(
         covariance=covariance,
         track=found,
         submaps=drive.closed.submaps,
-        stitches=drive.closed.tried,
+        stitches=upheld(drive.closed.tried, poses[[submap.start for submap in drive.closed.submaps]]),
         graph_before=replace(drive.closed.graph, poses=found.poses[drive.nodes]),
         graph_after=replace(drive.closed.graph, poses=drive.closed.poses),
     )
@@ -107,6 +110,18 @@ def stitched(
         rng = np.random.default_rng(config.loops.injected_seed)
         closed = with_false(closed, backbone.poses, config.loops, rng)
     return Stitched(closed, nodes, keyframes.carry(found.poses, nodes, closed.poses))
+
+
+def upheld(tried: Sequence[TriedStitch], anchors: Array) -> tuple[TriedStitch, ...]:
+    """Tried stitches, those switched off that the bundle refutes: it knows the scans of both submaps one by
+    one, and has their ``anchors (S, 3)`` further apart from each other than `REFUTED`."""
+    kept = []
+    for one in tried:
+        if isinstance(one.result, Stitch):
+            off = np.abs(se2.between(one.result.T_a_b, se2.between(anchors[one.a], anchors[one.b])))
+            one = replace(one, weight=0.0) if np.any(off > REFUTED) else one
+        kept.append(one)
+    return tuple(kept)
 
 
 class _Pen:

@@ -13,7 +13,7 @@ from scenarios.methods import FAIR, METHODS, ONLINE, SEES_TRUTH
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.loops import BACK_ENDS, Closed, LoopConfig, settled, with_false, with_stitches
 from scenarios.methods.oracle import failures, with_true_failures
-from scenarios.methods.slamstitch import chop, settled_start
+from scenarios.methods.slamstitch import between, chop, settled_start, upheld
 from scenarios.run import Options
 from sim.laser import Raycaster
 from slam import se2
@@ -215,6 +215,29 @@ def test_a_piece_begins_where_the_track_turns_as_dead_reckoning_does(
     alone = replace(recording, source="none", dead_reckoning=np.zeros((N, 3)))
     assert settled_start(alone, track, Segment(20, 40)).start == 20
     assert settled_start(recording, track, Segment(0, 40)).start == 0
+
+
+@pytest.mark.parametrize(
+    ("off", "kept"), [((0.1, -0.1, 0.02), True), ((0.0, 0.25, 0.0), False), ((0.0, 0.0, -0.03), False)]
+)
+def test_a_stitch_that_the_bundle_refutes_is_switched_off(off: tuple[float, ...], kept: bool) -> None:
+    anchors = np.array([[0.0, 0.0, 0.5], [3.0, 1.0, -2.0]])
+    T_a_b = se2.compose(se2.between(*anchors), np.array(off))
+    tried = (
+        TriedStitch(0, 1, Stitch(T_a_b, np.eye(3), 9.0, 20.0, 1.0, (), 3.0), weight=1.0),
+        TriedStitch(0, 1, NoStitch("overlap")),
+    )
+    found, refused = upheld(tried, anchors)
+    assert found.accepted == kept
+    assert refused == tried[1]
+
+
+def test_the_graph_has_nodes_where_nothing_was_matched() -> None:
+    poses = np.column_stack([0.3 * np.arange(60), np.zeros(60), np.zeros(60)])
+    nothing = np.zeros((60, 3, 3))
+    track = Track(poses, np.zeros(60), np.arange(-1, 59), nothing, nothing, np.full(60, 9), {})
+    rows = between(track, [Segment(8, 20), Segment(20, 30), Segment(40, 60)])
+    np.testing.assert_array_equal(rows, [0, 4, 7, 8, 29, 33, 36, 39, 40, 59])
 
 
 @pytest.mark.parametrize("name", SEES_TRUTH)
