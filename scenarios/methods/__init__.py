@@ -93,6 +93,10 @@ NEEDS_DEAD_RECKONING = {
 LEAST_MATCHED = 0.5
 """Share of the scans that must have been matched where nothing else tells how the robot moved."""
 
+MOST_DOUBT = 0.5
+"""Standard deviation [m] in its worst direction up to which, in the median, a map without dead reckoning is
+one; a map that is right has had 0.3 m and less, one that is lost in a corridor 0.7 m and more."""
+
 REHEARSED_AS = {"oracle": "slamstitch"}
 """A rehearsal knows no truth: who loads the kernels of a method that sees it."""
 
@@ -106,11 +110,28 @@ def answer(name: str, recording: Recording, config: MethodConfig) -> Estimate | 
     if name in NEEDS_DEAD_RECKONING:
         return NoEstimate(name, NEEDS_DEAD_RECKONING[name])
     found = METHODS[name](recording, config)
+    reason = hopeless(found)
+    return found if reason is None else NoEstimate(name, reason)
+
+
+def hopeless(found: Estimate) -> str | None:
+    """Why an estimate from the laser alone is no answer, None where it is one."""
+    import numpy as np
+
     share = 1.0 if found.track is None else found.track.matched_share
-    if share >= LEAST_MATCHED:
-        return found
-    least = f"less than the {LEAST_MATCHED:.0%} it takes to map a drive without dead reckoning"
-    return NoEstimate(name, f"{share:.0%} of the scans could be matched, {least}")
+    if share < LEAST_MATCHED:
+        least = f"less than the {LEAST_MATCHED:.0%} it takes to map a drive without dead reckoning"
+        return f"{share:.0%} of the scans could be matched, {least}"
+    if found.covariance is None:
+        return None
+    largest = np.linalg.eigvalsh(found.covariance[:, :2, :2])[:, -1]
+    doubt = float(np.sqrt(np.median(largest)))
+    if doubt <= MOST_DOUBT:
+        return None
+    return (
+        f"half of the scans are known to no better than {doubt:.1f} m by the laser alone, expected at most "
+        f"{MOST_DOUBT:.1f} m (along a bare corridor it does not tell how far the robot went)"
+    )
 
 
 def _refuse_without_dead_reckoning(name: str, recording: Recording) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from scenarios.cli import BadInput
 from scenarios.estimate import Estimate, NoEstimate
-from scenarios.methods import METHODS, NEEDS_DEAD_RECKONING, answer
+from scenarios.methods import METHODS, NEEDS_DEAD_RECKONING, answer, hopeless
 from scenarios.methods.config import MethodConfig
 from scenarios.run import costs, with_answer
 from sim.laser import Raycaster
@@ -80,6 +80,15 @@ def test_a_drive_that_cannot_be_followed_is_refused():
     assert "23% of the scans could be matched" in found.reason
     with pytest.raises(BadInput, match="slamstitch: 23% of the scans"):
         with_answer([found])
+
+
+@pytest.mark.parametrize(("along", "said"), [(0.4, None), (0.7, "no better than 0.7 m by the laser alone")])
+def test_a_map_that_knows_of_itself_that_it_is_lost_is_refused(along: float, said: str | None):
+    """The worst direction counts, whichever it is, and the median: one doubtful scan is no reason."""
+    covariance = np.tile(np.diag([1e-4, along**2, 1e-4]), (N, 1, 1))
+    covariance[: N // 4] = np.diag([9.0, 9.0, 1.0])
+    reason = hopeless(Estimate("slamstitch", np.zeros((N, 3)), covariance=covariance))
+    assert reason is None if said is None else said in str(reason)
 
 
 def test_who_has_no_answer_cost_nothing_to_compare():
