@@ -72,6 +72,12 @@ class Problem:
                 damping = max(10.0 * damping, DAMPING)
         return poses
 
+    def cost(self, poses: Array, weights: Array) -> float:
+        """Half the sum of squared normalised residuals, edges counting by ``weights (E,)``."""
+        from slam.gauss_newton_kernels import cost_of
+
+        return float(cost_of(poses, *self._terms(weights)))
+
     def factor(self, poses: Array, weights: Array, damping: float = 0.0) -> tuple[Factor, Array]:
         """Factor of the normal matrix at ``poses``, and the cost's gradient ``(K, 3)`` by the body tangents.
 

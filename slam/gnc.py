@@ -38,19 +38,39 @@ def judge(graph: PoseGraph, known: Array | None = None) -> Solution:
         poses = problem.descend(graph.poses, _edge_weights(loop, known))
         if np.array_equal(chi_squared(graph, poses)[loop] <= LIMIT, known > 0.5):
             return Solution(poses, np.asarray(known))
-    weights: Array = np.ones(int(loop.sum()))
-    poses = problem.descend(graph.poses, _edge_weights(loop, weights))
-    worst = np.max(chi_squared(graph, poses)[loop], initial=0.0)
-    if 2.0 * worst <= LIMIT:
-        return Solution(poses, weights)
-    mu = min(LIMIT / (2.0 * worst - LIMIT), FIRST_MU)
-    for _ in range(ROUNDS):
-        weights = truncated(chi_squared(graph, poses)[loop], mu)
-        poses = problem.descend(poses, _edge_weights(loop, weights), iterations=1)
-        if np.all((weights == 0.0) | (weights == 1.0)):
-            break
-        mu *= GROWTH
+    everyone: Array = np.ones(int(loop.sum()))
+    first = graduated(problem, problem.descend(graph.poses, _edge_weights(loop, everyone)))
+    if np.all(first.weights == 1.0):
+        return first
+    second = graduated(problem, problem.descend(graph.poses, _edge_weights(loop, 0.0 * everyone)))
+    return min(first, second, key=lambda solution: cost(problem, solution))
+
+
+def graduated(problem: Problem, poses: Array) -> Solution:
+    """Poses and weights by graduated non-convexity from ``poses`` on.
+
+    Where it ends depends on them: with many a false loop least squares bend the graph until the true ones
+    look false; without any loop the graph has drifted, and a long one does not look true.
+    """
+    graph, loop = problem.graph, problem.graph.loop
+    squared = chi_squared(graph, poses)[loop]
+    weights: Array = np.ones(len(squared))
+    worst = np.max(squared, initial=0.0)
+    if 2.0 * worst > LIMIT:
+        mu = min(LIMIT / (2.0 * worst - LIMIT), FIRST_MU)
+        for _ in range(ROUNDS):
+            weights = truncated(chi_squared(graph, poses)[loop], mu)
+            poses = problem.descend(poses, _edge_weights(loop, weights), iterations=1)
+            if np.all((weights == 0.0) | (weights == 1.0)):
+                break
+            mu *= GROWTH
     return Solution(problem.descend(poses, _edge_weights(loop, weights)), weights)
+
+
+def cost(problem: Problem, solution: Solution) -> float:
+    """Twice the truncated least squares of a solution: its χ², and `LIMIT` for every loop that is out."""
+    kept = _edge_weights(problem.graph.loop, solution.weights)
+    return 2.0 * problem.cost(solution.poses, kept) + LIMIT * float(np.sum(1.0 - solution.weights))
 
 
 def truncated(squared: Array, mu: float) -> Array:
