@@ -54,7 +54,8 @@ class Options:
     relations: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """File of true relative poses (Kümmerle et al. 2009) to score a log against."""
     laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
-    """Laser in the robot's frame in m and rad, where a log does not tell."""
+    """Laser in the robot's frame in m and rad, where a log does not tell; without, it is estimated from the
+    drive, if there is odometry and no truth."""
     dead_reckoning: Annotated[
         Literal["ins", "odometry"] | None, arg(metavar="ins|odometry", help_behavior_hint="")
     ] = None
@@ -169,6 +170,19 @@ def _obtain(options: Options, stages: Stages) -> Source:
     with stages.stage("read"):
         found = source.logged(Path(options.recording), options.relations, options.laser_mount)
     tell_of_compilation(stages)
+    return found if options.laser_mount else _mounted(found, stages)
+
+
+def _mounted(found: Source, stages: Stages) -> Source:
+    """The recording with its laser's mount estimated where nobody states it, which is told."""
+    from scenarios import source
+
+    with stages.stage("mount"):
+        found, known = source.with_estimated_mount(found)
+    if known is not None:
+        stages.console.print(
+            f"laser mount, estimated from the drive: {known} (--laser-mount states another)", highlight=False
+        )
     return found
 
 

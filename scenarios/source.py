@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from scenarios.cli import BadInput, Pose, nearest
 if TYPE_CHECKING:
     from scenarios.estimate import Estimate
     from sim.record import Buildable, DeadReckoning, SimulatedRun
+    from slam.mount import Mount
     from slam.recording import Recording
 
 MAP_SUFFIXES = (".yaml", ".yml")
@@ -97,6 +98,25 @@ def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
     except ValueError as error:
         raise BadInput(f"{relations or path}: {error}") from error
     return Source(recording, {}, published)
+
+
+def with_estimated_mount(found: Source) -> tuple[Source, Mount | None]:
+    """The recording with its laser where the drive itself says it is, and that mount.
+
+    As it was, with None, where the log states a mount or the drive tells of none. Published answers, made
+    with the laser for the robot, become the robot's.
+    """
+    from slam import frontend, mount, se2
+
+    if not mount.is_unstated(found.recording):
+        return found, None
+    known = mount.estimate(found.recording, frontend.track(found.recording))
+    if known is None:
+        return found, None
+    T_laser_robot = se2.inverse(known.T_robot_laser)
+    published = [replace(peer, poses=se2.compose(peer.poses, T_laser_robot)) for peer in found.published]
+    recording = found.recording.with_laser_mount(known.T_robot_laser)
+    return replace(found, recording=recording, published=tuple(published)), known
 
 
 def _published(path: Path, scans: int) -> tuple[Estimate, ...]:

@@ -118,10 +118,16 @@ def relation_pairs(recording: Recording) -> Pairs | None:
 
 
 def relation_metrics(method: str, poses: Array, recording: Recording, pairs: Pairs | None) -> list[Metric]:
-    """Mean and standard deviation of the errors of ``poses (N, 3)`` over all and over the clear relations."""
+    """Mean and standard deviation of the errors of ``poses (N, 3)`` over all and over the clear relations.
+
+    Relations of a file are between poses of the laser: they were made by aligning its scans by hand
+    (Kümmerle et al. 2009). Those from truth are between the robot's.
+    """
     if pairs is None:
         return missing(method, ALL + CLEAR, "the recording has neither relations nor truth of two scans")
-    at_rows = poses if recording.relations is None else carry(poses, _odometry(recording))
+    at_rows = poses
+    if recording.relations is not None:
+        at_rows = se2.compose(carry(poses, _odometry(recording)), recording.laser.T_robot_laser)
     error = se2.between(pairs.T_12, se2.between(at_rows[pairs.rows[:, 0]], at_rows[pairs.rows[:, 1]]))
     translation, rotation = np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(se2.wrap(error[:, 2])))
     metrics = measured(method, dict(zip(ALL, _summary(translation, rotation), strict=True)))

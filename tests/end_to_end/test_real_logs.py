@@ -1,4 +1,4 @@
-"""Real robots' logs, as far as no matching is needed."""
+"""Real robots' logs."""
 
 from __future__ import annotations
 
@@ -22,13 +22,15 @@ def test_usarsim_dead_reckoning_of_iran_open_2012(command, shared_data, tmp_path
 
 @pytest.mark.usefixtures("no_figures")
 def test_carmen_intel_beside_what_gmapping_published(command, shared_data, tmp_path):
+    """With the laser on the wheels' middle, where the log puts it, as those did who published figures."""
     carmen = shared_data / "carmen"
     finished = command(
         carmen / "intel.raw.log.gz", "--relations", carmen / "intel.relations", "--methods", "ins",
-        "--out", tmp_path,
+        "--laser-mount", "0", "0", "0", "--out", tmp_path,
     )  # fmt: skip
     assert finished.code == 0
     assert "(published)" in finished.stdout
+    assert "laser mount" not in finished.stderr
     folder = tmp_path / "intel-seed0"
     assert value(folder, "ins", "relation_trans_mean") == pytest.approx(7.383, abs=1e-3)
     assert value(folder, "gmapping (published)", "relation_trans_mean") == pytest.approx(0.0447, abs=1e-4)
@@ -36,3 +38,18 @@ def test_carmen_intel_beside_what_gmapping_published(command, shared_data, tmp_p
         0.0278, abs=1e-4
     )
     assert (folder / "maps" / "gmapping_published.pgm").is_file()
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_carmen_intel_with_its_laser_where_the_drive_says_it_is(command, shared_data, tmp_path):
+    carmen = shared_data / "carmen"
+    finished = command(
+        carmen / "intel.raw.log.gz", "--relations", carmen / "intel.relations", "--methods", "slamstitch",
+        "--out", tmp_path,
+    )  # fmt: skip
+    assert finished.code == 0
+    assert "laser mount, estimated from the drive: x 0.0" in finished.stderr
+    folder = tmp_path / "intel-seed0"
+    assert value(folder, "gmapping (published)", "relation_trans_mean") == pytest.approx(0.0436, abs=5e-4)
+    assert value(folder, "slamstitch", "relation_trans_mean") < 0.039
+    assert value(folder, "slamstitch", "relation_clear_trans_mean") < 0.020

@@ -49,6 +49,15 @@ def test_the_frame_of_the_estimate_does_not_matter():
     assert values(moved, rec)["relation_trans_mean"] == pytest.approx(0.5)
 
 
+def test_relations_of_a_file_are_between_poses_of_the_laser():
+    """The robot turns on the spot; the laser, 0.5 m ahead of its middle, comes to (0, 0.5) from (0.5, 0)."""
+    relations = Relations(np.array([[0.0, 1.0]]), np.array([[-0.5, 0.5, np.pi / 2]]))
+    turned = np.array([[0.0, 0, 0], [0, 0, np.pi / 2]])
+    rec = recording(turned, relations=relations).with_laser_mount([0.5, 0.0, 0.0])
+    assert values(turned, rec)["relation_trans_mean"] == pytest.approx(0.0, abs=1e-12)
+    assert values(turned, rec.with_laser_mount([0.0, 0.0, 0.0]))["relation_trans_mean"] > 0.7
+
+
 def test_correction_is_spread_along_the_path_between_scans():
     """Odometry at 0, 1, 4 m with scans at 0 and 4 m; the scans turn out 4.4 m apart."""
     odometry = Odometry(np.array([0.0, 1, 2]), line([0, 1, 4]), np.array([0, 2]))
