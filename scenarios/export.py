@@ -85,17 +85,19 @@ def write(recording: Recording, form: Format, path: Path) -> list[Path]:
 def relations(recording: Recording) -> Relations | None:
     """The recording's own relations, else those of its truth with stamps beyond doubt; None without either.
 
-    A stamp with a second odometry record within 10 ms is left out (Kümmerle et al. 2009 name poses by their
+    Like the benchmark's they are between poses of the laser. A stamp with a second odometry record within 10 ms is left out (Kümmerle et al. 2009 name poses by their
     stamps alone).
     """
     import numpy as np
 
     from scenarios.evaluation.relations import CLEAR_WINDOW, relations_from_truth
+    from slam import se2
     from slam.recording import Relations
 
     if recording.relations is not None or recording.truth is None or len(recording) < 2:
         return recording.relations
-    pairs = relations_from_truth(recording.truth)
+    truth = se2.compose(recording.truth, recording.laser.T_robot_laser)
+    pairs = relations_from_truth(truth)
     stamps = recording.time
     if recording.odometry is not None:
         own = recording.odometry.time[recording.odometry.scan_row] == stamps

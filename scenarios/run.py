@@ -170,7 +170,8 @@ def _obtain(options: Options, stages: Stages) -> Source:
     with stages.stage("read"):
         found = source.logged(Path(options.recording), options.relations, options.laser_mount)
     tell_of_compilation(stages)
-    return found if options.laser_mount else _mounted(found, stages)
+    stated = options.laser_mount is not None or options.no_dead_reckoning
+    return found if stated else _mounted(found, stages)
 
 
 def _mounted(found: Source, stages: Stages) -> Source:

@@ -71,6 +71,7 @@ def test_a_simulated_recording_comes_back(
 
 
 def test_relations_of_a_carmen_log_are_true_and_clear(file: Path, drive: Recording) -> None:
+    recording_npz.write(file, drive.with_laser_mount(np.array([0.3, -0.1, 0.2])))
     exported(file, "carmen")
     found = load(file.parent / "room.log", file.parent / "room.relations")
     pairs = relation_pairs(found)
