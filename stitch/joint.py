@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TypeVar
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 
 from slam import se2
-from slam.matching import MatchConfig
+from slam.matching import MatchConfig, Reference
 from slam.se2 import Array
 from slam.submap import Submap
 from stitch import hough
 from stitch.belief import belief
 from stitch.config import AlignConfig
 from stitch.likeness import GUIDED, Ground, likeness, tally
-from stitch.raster import Walls, walls_of
+from stitch.raster import Walls, rasterise, walls_of
 from stitch.refinement import ScoreField, climb, covariance, prior_penalty, score_field
 from stitch.result import Alternative, NoStitch, Prior, Stitch
 from stitch.rotation import hypotheses
-from stitch.translation import LINE, Correlation, best_shifts, correlate, padded_shape, spectra
+from stitch.translation import (
+    LINE,
+    Correlation,
+    best_shifts,
+    correlate,
+    padded_shape,
+    spectra,
+    transform_shape,
+)
 from stitch.verification import Evidence, Standing, far_from, measure, reason_against
 
 Pose = TypeVar("Pose", "Alternative", "Candidate")
@@ -37,9 +47,25 @@ SLIDE = 0.4
 """An alignment is moved this far [m] in eight directions to see how much of its agreement is lost."""
 REFINE_POINTS = 1000
 """About how many of b's points the scan matcher is given: more cost time and tell it nothing new."""
+SURFACE_CELL, SURFACE_SIDE = 0.1, 512
+"""Cells [m] of the lattice of a submap's points, and how many along a side."""
 REFINEMENT = MatchConfig(levels=((0.3, 1), (0.2, 1)), least_pairs=30, search_shift=0.0)
 PRIOR_MARGIN = (0.5, np.radians(2.0))
 """Added to the search around a prior (m, rad): its covariance says nothing about the grid's cells."""
+
+
+class Surfaces(Reference):
+    """A submap's points, which are many more, and lie over more ground, than those of one scan.
+
+    The lattice that finds them repeats itself every 51 m, not 13.
+    """
+
+    @cached_property
+    def indexed(self) -> tuple[Any, Any]:
+        """The points and their lattice."""
+        from slam.matching.neighbours import build
+
+        return self.cloud, build(self.cloud[0], SURFACE_CELL, SURFACE_SIDE)
 
 
 @dataclass(frozen=True)
@@ -118,8 +144,7 @@ def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: Align
     """Rotations ``(m,)`` rad worth trying: Hough's; where walls have no directions (outdoors) a sweep, around
     the prior or of the whole circle."""
     spectrum_a, spectrum_b = (
-        hough.spectrum(hough.transform(walls, config.n_theta, config.resolution))
-        for walls in (walls_a, walls_b)
+        hough.spectrum_of(walls, config.n_theta, config.resolution) for walls in (walls_a, walls_b)
     )
     angles, heights = hypotheses(spectrum_a, spectrum_b, config.n_peaks)
     angles = angles[(np.arange(len(angles)) < 4) | (heights >= NEARLY * heights[0])]
@@ -151,10 +176,12 @@ def search(a: Walls, b: Walls, angles: Array, prior: Prior | None, config: Align
     ]
     window = None if prior is None else _window(prior, config)
     shape = padded_shape(raster_a, [raster for _, raster in turned], config.blur, window)
-    spectra_a = spectra(raster_a, shape)
+    # one large piece of memory for all, which the system then leaves to us from one alignment to the next
+    room_a, room_b = np.empty((2, 4, *transform_shape(shape)), dtype=np.complex64)
+    spectra_a = spectra(raster_a, shape, room_a)
     found: dict[float, list[Alternative]] = {config.free_penalty: [], config.lenient_penalty: []}
     for (*yaws,), raster_b in turned:
-        upright = spectra(raster_b, shape)
+        upright = spectra(raster_b, shape, room_b)
         for k, yaw in enumerate(yaws):
             spectra_b = upright.half_turned() if k else upright
             correlation = correlate(spectra_a, spectra_b, config.blur, window)
@@ -164,7 +191,7 @@ def search(a: Walls, b: Walls, angles: Array, prior: Prior | None, config: Align
     chosen = []
     for alternatives in found.values():
         alternatives.sort(key=lambda candidate: -candidate.score)
-        chosen += _distinct(alternatives, centre)[: config.candidates]
+        chosen += _distinct(alternatives, centre, config.candidates)
     return chosen
 
 
@@ -213,7 +240,8 @@ def _climbed(found: list[Alternative], scene: Scene, centre: Array) -> list[Cand
     on to 12.5 mm and 0.125°.
     """
     field, step = scene.field, (0.025, np.radians(0.25))
-    coarse = [climb(field, c.T_a_b, _pivot(field, c.T_a_b), halvings=1, stride=STRIDE)[0] for c in found]
+    starts = {tuple(c.T_a_b): c.T_a_b for c in found}.values()  # many are found with either penalty
+    coarse = [climb(field, T_a_b, _pivot(field, T_a_b), halvings=1, stride=STRIDE)[0] for T_a_b in starts]
     ranked = _distinct(_ranked(coarse, scene), centre)[:FINALISTS]
     fine = [climb(field, c.T_a_b, _pivot(field, c.T_a_b), step, halvings=1)[0] for c in ranked]
     return _distinct(_ranked(fine, scene), centre)
@@ -225,17 +253,27 @@ def _ranked(poses: list[Array], scene: Scene) -> list[Candidate]:
     return sorted(candidates, key=lambda candidate: -candidate.odds)
 
 
-def _distinct(candidates: list[Pose], centre: Array) -> list[Pose]:
-    """Candidates, best first, without those that share a better one's peak; measured at b's ``centre``."""
+def _distinct(candidates: list[Pose], centre: Array, most: int | None = None) -> list[Pose]:
+    """The first ``most`` candidates, best first, without those that share a better one's peak; measured at
+    b's ``centre``."""
     poses = np.array([candidate.T_a_b for candidate in candidates]).reshape(-1, 3)
-    centres = se2.transform(poses, centre[None])[:, 0]
+    centres = se2.transform(poses, centre[None])[:, 0].tolist()
+    yaws = poses[:, 2].tolist()
     kept: list[int] = []
     for i in range(len(candidates)):
-        far = np.linalg.norm(centres[kept] - centres[i], axis=1) > DISTINCT[0]
-        turned = np.abs(se2.wrap(poses[kept, 2] - poses[i, 2])) > DISTINCT[1]
-        if np.all(far | turned):
+        if len(kept) == most:
+            break
+        if all(
+            math.dist(centres[k], centres[i]) > DISTINCT[0] or _apart(yaws[k], yaws[i]) > DISTINCT[1]
+            for k in kept
+        ):
             kept.append(i)
     return [candidates[i] for i in kept]
+
+
+def _apart(yaw: float, other: float) -> float:
+    """Angle [rad] between two directions; of plain numbers, which numpy is slow with."""
+    return abs((yaw - other + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def _pivot(field: ScoreField, T_a_b: Array) -> Array:
@@ -256,8 +294,9 @@ def _located(
         return best.T_a_b, sigma
     from slam.matching import NoMatch, match
 
+    reference = Surfaces(a.points)
     some = b.points.selected(np.arange(0, len(b.points), 1 + len(b.points) // REFINE_POINTS))
-    answer = match(a.points, some, best.T_a_b, "plicp", config=REFINEMENT)
+    answer = match(reference, some, best.T_a_b, "plicp", config=REFINEMENT)
     if isinstance(answer, NoMatch):  # too few of the points have a partner: the climb's answer stands
         return best.T_a_b, sigma
     T_a_b = answer.T_reference_scan
@@ -275,9 +314,8 @@ def shown(scene: Scene, candidates: list[Candidate], config: AlignConfig) -> tup
     stands by itself, against sliding along its walls and against the others."""
     (best, *others), field = candidates, scene.field
     T_a_b = best.T_a_b
-    evidence = measure(
-        scene.a.walls.raster(np.zeros(3), config.resolution), scene.b.walls.raster(T_a_b, config.resolution)
-    )
+    b = scene.b.walls
+    evidence = measure(field.raster_a, rasterise(b.points, b.grid, T_a_b, config.resolution))
     around = np.pi / 4.0 * np.arange(8)
     shifts = SLIDE * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
     left = field.agreement(T_a_b + shifts) - field.penalty / LINE * field.conflict(T_a_b + shifts)

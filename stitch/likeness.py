@@ -66,15 +66,15 @@ def tally(a: Ground, b: Ground, T_a_b: Array) -> np.ndarray:
     """
     from stitch.likeness_kernels import meet
 
-    met = np.zeros((2, 3, len(DISTANCES)), dtype=np.int64)
-    missed = np.zeros((2, 3), dtype=np.int64)
+    counts = np.zeros((2, 3, len(DISTANCES) + 1), dtype=np.int64)
+    met, missed = counts[:, :, :-1], counts[:, :, -1]
     for still, moving, T in ((a, b, np.asarray(T_a_b, dtype=np.float64)), (b, a, se2.inverse(T_a_b))):
         meet(
             moving.walls.points, moving.walls.facing, moving.kinds, T,
             still.nearest, still.walls.grid.free, still.walls.grid.origin, still.walls.grid.resolution,
             still.walls.points, still.walls.facing, DISTANCES, met, missed,
         )  # fmt: skip
-    return np.concatenate([met, missed[:, :, None]], axis=2)
+    return counts
 
 
 def likeness(counts: np.ndarray) -> float:

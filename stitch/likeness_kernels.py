@@ -28,16 +28,19 @@ def nearest_points(points: Array, origin: Array, shape: tuple[int, int], resolut
     for n in range(points.shape[0]):
         j = int(np.floor((points[n, 0] - origin[0]) / resolution))
         i = int(np.floor((points[n, 1] - origin[1]) / resolution))
+        left, right = max(j - cells, 0), min(j + cells + 1, shape[1])
         for row in range(max(i - cells, 0), min(i + cells + 1, shape[0])):
-            for column in range(max(j - cells, 0), min(j + cells + 1, shape[1])):
+            dy = origin[1] + (row + 0.5) * resolution - points[n, 1]
+            if dy * dy >= reach * reach:
+                continue
+            for column in range(left, right):
                 dx = origin[0] + (column + 0.5) * resolution - points[n, 0]
-                dy = origin[1] + (row + 0.5) * resolution - points[n, 1]
                 if dx * dx + dy * dy < best[row, column]:
                     best[row, column], rows[row, column] = dx * dx + dy * dy, n
     return rows
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def meet(points: Array, facing: Array, kind: np.ndarray, T: Array, nearest: np.ndarray, free: np.ndarray,
          origin: Array, resolution: float, others: Array, others_facing: Array, limits: Array,
          met: np.ndarray, missed: np.ndarray) -> None:  # fmt: skip
@@ -67,7 +70,8 @@ def meet(points: Array, facing: Array, kind: np.ndarray, T: Array, nearest: np.n
             missed[kind[n], 0] += 1
         alike = nx * (c * facing[n, 0] - s * facing[n, 1]) + ny * (s * facing[n, 0] + c * facing[n, 1])
         way = 0 if alike > FACING else (1 if alike < -FACING else 2)
-        for d in range(len(limits)):
-            if distance <= limits[d]:
-                met[kind[n], way, d] += 1
-                break
+        beyond = 0  # counted, not searched for: which one it is cannot be guessed ahead
+        for limit in limits:
+            beyond += not distance <= limit
+        if beyond < len(limits):
+            met[kind[n], way, beyond] += 1

@@ -110,7 +110,7 @@ def rasterise(
 
     Walls are rotated as points, which leaves no holes; free space is looked up from each target cell.
     """
-    from stitch.kernels import look_up
+    from stitch.kernels import cells_of, look_up
 
     x_min, x_max, y_min, y_max = grid.extent
     corners = np.array([[x_min, y_min], [x_max, y_min], [x_min, y_max], [x_max, y_max]])
@@ -118,18 +118,18 @@ def rasterise(
     first = np.floor(moved.min(axis=0))
     width, height = (np.ceil(moved.max(axis=0)) - first).astype(int)
     occupied = np.zeros((height, width), dtype=bool)
-    column, row = (np.floor(se2.transform(T, points) / resolution) - first).astype(int).T
     # a point on the border may round to either side of it
-    row, column = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
-    occupied[row, column] = True
+    cells = cells_of(points, T, first, (int(height), int(width)), resolution)
+    occupied.reshape(-1)[cells] = True
     weight = None
     if weights is not None:
         weight = np.zeros((height, width), dtype=np.float32)
-        np.maximum.at(weight, (row, column), weights.astype(np.float32))
+        np.maximum.at(weight.reshape(-1), cells, weights.astype(np.float32))
     turned = None
     if facing is not None and weights is not None:
         turned = np.zeros((2, height, width), dtype=np.float32)
-        turned[:, row, column] = (weights[:, None] * facing @ se2.rotation(T[2]).T).T
+        for part, component in zip(turned, (weights[:, None] * facing @ se2.rotation(T[2]).T).T, strict=True):
+            part.reshape(-1)[cells] = component
     free = look_up(grid.free, grid.origin, grid.resolution, T, first, (height, width), resolution)
     return Raster(occupied, free & ~dilated(occupied), first, resolution, weight, turned)
 

@@ -11,23 +11,26 @@ import numpy as np
 from slam import se2
 from slam.se2 import Array
 from stitch.config import AlignConfig
-from stitch.raster import Walls
+from stitch.raster import Raster, Walls, rasterise
 from stitch.result import Prior
 from stitch.translation import LINE
 
 MARGIN = 6
 """Cells around a field: the outermost wall is blurred too, and is interpolated on both sides."""
+NOTHING = 50.0
+"""Temperatures below the best score at which a pose weighs less than rounding does."""
 
 
 @dataclass(frozen=True)
 class ScoreField:
     """The score of `stitch.translation.Correlation` as a function of the whole pose.
 
-    b's walls ``points_b (n, 2)`` read ``near_a`` (a's walls, blurred) and ``free_a``; a's walls ``points_a``
-    read ``free_b``. Fields start at lattice cells ``first_a``, ``first_b``; ``weights_a``, ``weights_b`` are
-    those of the points; ``penalty`` per wall in free space.
+    b's walls ``points_b (n, 2)`` read ``near_a`` (those of ``raster_a``, blurred) and ``free_a``; a's walls
+    ``points_a`` read ``free_b``. Fields start at lattice cells ``first_a``, ``first_b``; ``weights_a``,
+    ``weights_b`` are those of the points; ``penalty`` per wall in free space.
     """
 
+    raster_a: Raster
     near_a: np.ndarray
     free_a: np.ndarray
     first_a: Array
@@ -51,11 +54,14 @@ class ScoreField:
         """What a cell of b's lattice is worth to a wall of a."""
         return -np.float32(self.penalty) * self.free_b
 
-    def scores(self, T_a_b: Array) -> Array:
-        """Scores ``(K,)`` of poses ``(K, 3)``, in coinciding cells."""
+    def scores(self, T_a_b: Array, least: float = -np.inf) -> Array:
+        """Scores ``(K,)`` of poses ``(K, 3)``, in coinciding cells; -inf for those surely below ``least``."""
         shared = self._over_a(self.field_a, T_a_b)
-        lost = self.penalty * self._over_b(T_a_b)
-        return shared - lost - prior_penalty(self.prior, T_a_b, self.config.prior_weight)
+        shared -= prior_penalty(self.prior, T_a_b, self.config.prior_weight)
+        worth = shared >= least
+        scores = np.full(len(shared), -np.inf)
+        scores[worth] = shared[worth] - self.penalty * self._over_b(T_a_b[worth])
+        return scores
 
     def agreement(self, T_a_b: Array) -> Array:
         """Cells ``(K,)`` of walls that coincide at poses ``(K, 3)``, a straight wall's cell counting 1."""
@@ -88,12 +94,14 @@ def score_field(a: Walls, b: Walls, penalty: float, prior: Prior | None, config:
     """The score of moving map b over map a."""
     from scipy.ndimage import gaussian_filter
 
-    raster_a, raster_b = (walls.raster(np.zeros(3), config.resolution) for walls in (a, b))
+    raster_a = rasterise(a.points, a.grid, np.zeros(3), config.resolution, a.weights)
+    raster_b = rasterise(b.points, b.grid, np.zeros(3), config.resolution)
     near = np.pad(raster_a.walls, MARGIN)
     if config.blur > 0.0:
         sigma = np.sqrt(2.0) * config.blur
         near = np.float32(2.0 * np.pi * sigma**2) * gaussian_filter(near, sigma, mode="constant")
     return ScoreField(
+        raster_a=raster_a,
         near_a=near,
         free_a=np.pad(raster_a.free, MARGIN).astype(np.float32),
         first_a=raster_a.first - MARGIN,
@@ -164,8 +172,9 @@ def covariance(field: ScoreField, T_a_b: Array, pivot: Array) -> Array:
     step = np.array([0.05, 0.05, np.radians(0.5)])
     grid = np.array(list(product(np.arange(-2.0, 3.0), repeat=3)))
     poses = about(T_a_b, pivot, grid * step)
-    scores = field.scores(poses)
-    weights = np.exp((scores - scores.max()) / field.config.temperature)
+    temperature = field.config.temperature
+    scores = field.scores(poses, float(field.scores(T_a_b[None])[0]) - NOTHING * temperature)
+    weights = np.exp((scores - scores.max()) / temperature)
     xi = se2.log(se2.between(T_a_b, poses))
     spread = np.einsum("k,ki,kj->ij", weights / weights.sum(), xi, xi)
     shift, turn = field.config.warp

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -73,7 +73,8 @@ class Spectra:
     Of its walls, its free space, and both components of the way its walls face.
 
     Element 0 is the lattice cell ``first (2,)``; the others are at indices ``low`` to ``high`` (both (column,
-    row)), negative ones at the end.
+    row)), negative ones at the end. Where the map is ``turned`` half a turn on, its transforms are the
+    conjugates of those kept, and negative for the way walls face.
     """
 
     transforms: np.ndarray
@@ -82,18 +83,11 @@ class Spectra:
     high: np.ndarray
     resolution: float
     shape: tuple[int, int]
+    turned: bool = False
 
     def half_turned(self) -> Spectra:
         """Those of the map turned by π about the lattice's origin, without drawing it again."""
-        sign = np.array([1.0, 1.0, -1.0, -1.0], dtype=np.float32)[:, None, None]
-        return Spectra(
-            sign * np.conj(self.transforms),
-            -self.first - 1.0,
-            -self.high,
-            -self.low,
-            self.resolution,
-            self.shape,
-        )
+        return replace(self, first=-self.first - 1.0, low=-self.high, high=-self.low, turned=not self.turned)
 
 
 @dataclass(frozen=True)
@@ -113,7 +107,9 @@ class Correlation:
 
         The penalty is what fixes the translation: without it the largest overlap of clutter wins.
         """
-        return self.agreement - np.float32(free_penalty) * self.conflict
+        score = np.float32(-free_penalty) * self.conflict
+        score += self.agreement
+        return score
 
     def translations(self) -> Array:
         """The shifts themselves, ``(h, w, 2)`` m."""
@@ -151,24 +147,31 @@ def _least_shape(a: Raster, b: Raster, blur: float, window: tuple[Array, Array] 
     return np.minimum(least, lags)
 
 
-def spectra(raster: Raster, shape: tuple[int, int]) -> Spectra:
-    """Transforms of a raster for `correlate`; single precision, as counts need no more."""
-    from scipy.fft import rfft2
+def spectra(raster: Raster, shape: tuple[int, int], out: np.ndarray | None = None) -> Spectra:
+    """Transforms of a raster for `correlate`; single precision, as counts need no more.
+
+    They are written to ``out (4, H, W // 2 + 1)`` complex64 where it is given.
+    """
+    from scipy.fft import fft, rfft
 
     height, width = raster.occupied.shape
-    layers = np.zeros((4, height, width), dtype=np.float32)
-    layers[0], layers[1] = raster.walls, raster.free
-    if raster.facing is not None:
-        layers[2:] = raster.facing
+    facing = (None, None) if raster.facing is None else raster.facing
+    transforms = np.empty((4, *transform_shape(shape)), dtype=np.complex64) if out is None else out
+    # what rfft2 does, but for the padding's rows, of which nothing comes
+    for layer, transform in zip((raster.walls, raster.free, *facing), transforms, strict=True):
+        if layer is None:
+            transform[:] = 0.0
+            continue
+        transform[height:] = 0.0
+        transform[:height] = rfft(layer.astype(np.float32, copy=False), shape[1], workers=1)
+        transform[:] = fft(transform, axis=0, overwrite_x=True, workers=1)
     high = np.array([width - 1, height - 1])
-    return Spectra(
-        rfft2(layers, s=shape, workers=1),
-        raster.first,
-        np.zeros(2, dtype=int),
-        high,
-        raster.resolution,
-        shape,
-    )
+    return Spectra(transforms, raster.first, np.zeros(2, dtype=int), high, raster.resolution, shape)
+
+
+def transform_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    """Rows and columns of the transform of a real picture of ``shape``."""
+    return shape[0], shape[1] // 2 + 1
 
 
 def correlate(
@@ -189,18 +192,36 @@ def correlate(
 
     if a.shape != b.shape:
         raise ValueError(f"spectra of different shape: {a.shape} and {b.shape}")
-    products = multiply(a.transforms, b.transforms, _blur_gain(a.shape, blur), FACING)
-    agreement, conflict = irfft2(products, s=a.shape, workers=1)
+    if a.turned:
+        raise ValueError("spectra of a half a turn on: expected only those of b to be")
+    products = multiply(a.transforms, b.transforms, _blur_gain(a.shape, blur), FACING, b.turned)
     offset = a.first - b.first
     low, high = a.low - b.high, a.high - b.low
     if window is not None:
         low = np.maximum(low, np.floor(window[0] / a.resolution - offset)).astype(int)
         high = np.minimum(high, np.ceil(window[1] / a.resolution - offset)).astype(int)
-    # negative lags sit at the end of the array: taken modulo its length
-    rows = np.arange(low[1], high[1] + 1) % a.shape[0]
-    columns = np.arange(low[0], high[0] + 1) % a.shape[1]
-    place = np.ix_(rows, columns)
-    return Correlation(agreement[place], conflict[place], a.resolution * (offset + low), a.resolution)
+    agreement, conflict = (_lags(irfft2(product, s=a.shape, workers=1), low, high) for product in products)
+    return Correlation(agreement, conflict, a.resolution * (offset + low), a.resolution)
+
+
+def _lags(field: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The lags from ``low`` to ``high`` (column, row) of ``(H, W)``; negative ones sit at the end."""
+    out = np.empty(np.maximum(high - low + 1, 0)[::-1], dtype=field.dtype)
+    for rows, to_rows in _pieces(int(low[1]), int(high[1])):
+        for columns, to_columns in _pieces(int(low[0]), int(high[0])):
+            out[to_rows, to_columns] = field[rows, columns]
+    return out
+
+
+def _pieces(low: int, high: int) -> list[tuple[slice, slice]]:
+    """Where lags from ``low`` to ``high`` are, and where they go: the negative ones, then the others."""
+    below, above = min(high + 1, 0), max(low, 0)
+    pieces = []
+    if low < below:
+        pieces.append((slice(low, below or None), slice(0, below - low)))
+    if above <= high:
+        pieces.append((slice(above, high + 1), slice(above - low, high + 1 - low)))
+    return pieces
 
 
 @lru_cache(maxsize=2)

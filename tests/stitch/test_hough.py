@@ -34,6 +34,18 @@ def test_kernel_agrees_with_its_slow_twin() -> None:
     np.testing.assert_allclose(fast.votes, slow, atol=1e-9)
 
 
+@pytest.mark.parametrize(("count", "spread"), [(3, 40.0), (50, 3.0), (3000, 8.0)])
+def test_a_spectrum_without_its_votes_is_the_same(count: int, spread: float) -> None:
+    """Also of few points far apart: many bins that hold little."""
+    points = np.random.default_rng(2).normal(0.0, spread, (count, 2))
+    slow = hough.spectrum(hough.transform(points, 90, 0.1))
+    np.testing.assert_allclose(hough.spectrum_of(points, 90, 0.1), slow, rtol=0.0, atol=1e-9)
+
+
+def test_the_spectrum_of_nothing_is_zero() -> None:
+    np.testing.assert_array_equal(hough.spectrum_of(np.zeros((0, 2)), 8, 0.1), np.zeros(8))
+
+
 def test_whole_votes_agree_with_counting() -> None:
     points = np.random.default_rng(0).normal(0.0, 3.0, (50, 2))
     found = hough.transform(points, 36, 0.1, split=False)

@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from slam import se2
+from slam.matching import match
 from stitch import Prior
 from stitch.align import AlignConfig
-from stitch.joint import paired, rotations
+from stitch.joint import REFINEMENT, Surfaces, paired, rotations
+
+
+def test_a_submaps_lattice_finds_the_same_as_a_scans(plan: dict[str, Any]) -> None:
+    """Points over 40 m, on which the lattice of a scan repeats itself."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-20.0, 20.0, (3000, 2))
+    some = plan["scan_of"](points[::7] + rng.normal(0.0, 0.01, (429, 2)))
+    reference, guess = plan["scan_of"](points), np.array([0.05, -0.03, 0.001])
+    found, expected = (
+        match(of, some, guess, "icp", config=REFINEMENT) for of in (Surfaces(reference), reference)
+    )
+    np.testing.assert_array_equal(found.T_reference_scan, expected.T_reference_scan)
+    np.testing.assert_array_equal(found.covariance, expected.covariance)
+    assert found.n_matches > 300
 
 
 def test_rotations_are_paired_with_their_half_turns() -> None:

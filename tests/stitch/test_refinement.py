@@ -94,6 +94,18 @@ def test_agreement_and_conflict_make_the_score() -> None:
     assert np.all(field.conflict(T) > 0.0)
 
 
+def test_poses_surely_worse_than_enough_are_not_scored() -> None:
+    """Those that are have the same scores."""
+    field = field_of(random_raster(8, (40, 40), (-20, -20)), random_raster(9, (30, 36), (-9, -14)))
+    poses = np.random.default_rng(0).normal(size=(60, 3)) * [5.0, 5.0, 1.0]
+    whole = field.scores(poses)
+    part = field.scores(poses, float(whole.max()))
+    known = np.isfinite(part)
+    np.testing.assert_array_equal(part[known], whole[known])
+    assert np.all(whole[~known] < whole.max())
+    assert 0 < known.sum() < len(poses)
+
+
 def test_warp_widens_the_covariance_about_the_pivot() -> None:
     a, pivot = random_raster(3, (40, 40), (-20, -20)), np.array([6.0, -2.0])
     none, warped = (

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.fft import rfft2
 
 from slam import se2
 from slam.occupancy import Grid
@@ -20,6 +21,7 @@ from stitch.translation import (
     correlate,
     padded_shape,
     spectra,
+    transform_shape,
 )
 
 
@@ -205,6 +207,46 @@ def test_products_of_transforms_are_those_of_numpy() -> None:
     conflict = a[1] * np.conj(b[0]) + a[0] * np.conj(b[1])
     assert found.dtype == np.complex64
     np.testing.assert_allclose(found, [agreement, conflict], rtol=1e-4, atol=1e-5)
+    half_turned = np.conj(b) * np.array([1.0, 1.0, -1.0, -1.0], dtype=np.float32)[:, None, None]
+    found = multiply(a, b, gain, 0.3, True)
+    np.testing.assert_allclose(found, multiply(a, half_turned, gain, 0.3), rtol=1e-4, atol=1e-5)
+
+
+def test_spectra_are_those_of_scipy() -> None:
+    """With and without what walls face; written where they are asked to, whatever was there."""
+    a = random_raster(np.random.default_rng(4), (7, 5), (0, 0))
+    layers = np.stack([a.walls, a.free.astype(np.float32), *a.facing])
+    room = np.full((4, *transform_shape((12, 9))), 7.0, dtype=np.complex64)
+    for one, transformed in ((a, layers), (replace(a, facing=None), layers * [[[1]], [[1]], [[0]], [[0]]])):
+        found = spectra(one, (12, 9), room)
+        assert found.transforms is room
+        np.testing.assert_allclose(found.transforms, rfft2(transformed, s=(12, 9)), atol=1e-4)
+        np.testing.assert_array_equal(spectra(one, (12, 9)).transforms, room)
+
+
+def test_only_b_is_turned() -> None:
+    one = spectra(raster(np.ones((3, 3), bool)), (8, 8))
+    with pytest.raises(ValueError, match="half a turn on"):
+        correlate(one.half_turned(), one)
+    np.testing.assert_array_equal(
+        correlate(one, one.half_turned().half_turned()).agreement, correlate(one, one).agreement
+    )
+
+
+@pytest.mark.parametrize(
+    "window", [((9.0, 9.0), (12.0, 12.0)), ((-12.0, -1.0), (-9.0, 1.0)), ((-1.0, 0.5), (-0.5, 1.0))]
+)
+def test_a_window_beside_the_maps_and_within_one_sign(window: tuple[tuple[float, float], ...]) -> None:
+    """Nothing beyond the last shift; only negative lags, only positive ones."""
+    one = raster(np.ones((5, 5), bool))
+    whole, part = correlation(one, one), correlation(one, one, window=tuple(map(np.array, window)))
+    if part.agreement.size:
+        column, row = np.round((part.first - whole.first) / 0.5).astype(int)
+        height, width = part.agreement.shape
+        np.testing.assert_array_equal(
+            part.agreement, whole.agreement[row : row + height, column : column + width]
+        )
+    assert (part.agreement.size == 0) == (abs(window[0][0]) >= 9.0)
 
 
 def test_spectra_of_different_padding_are_refused() -> None:
