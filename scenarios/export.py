@@ -85,8 +85,8 @@ def write(recording: Recording, form: Format, path: Path) -> list[Path]:
 def relations(recording: Recording) -> Relations | None:
     """The recording's own relations, else those of its truth with stamps beyond doubt; None without either.
 
-    Like the benchmark's they are between poses of the laser. A stamp with a second odometry record within 10 ms is left out (Kümmerle et al. 2009 name poses by their
-    stamps alone).
+    Like the benchmark's they are between poses of the laser. A stamp with a second odometry record within
+    10 ms is left out (Kümmerle et al. 2009 name poses by their stamps alone).
     """
     import numpy as np
 

@@ -15,8 +15,8 @@ from slam.segmentation import SegmentationConfig, segments
 from slam.submap import Submap, cut
 from slam.track import Track, Verdict
 
-LENGTH = (20.0, 40.0)
-"""Shortest and longest stretch [m]."""
+LENGTH = (30.0, 60.0)
+"""Shortest and longest stretch [m]: submaps of about 30 × 20 m."""
 PER_DRIVE = 14
 """Stretches cut from a drive."""
 LOST = SegmentationConfig(rule="zero_run", run=10)
