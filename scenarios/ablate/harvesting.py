@@ -10,10 +10,12 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from scenarios.ablate.pairs import TWIN_SCENARIO, Harvest, Pair, bins_of, harvest
+from scenarios.ablate.pieces import LENGTH
 from scenarios.ablate.study.stitching import PER_BUILDING, PER_TWIN_BUILDING, WITH_PRIOR
 from scenarios.ablate.trial import Row, Variant, attempt
 from scenarios.catalogue import CATALOGUE
 from scenarios.sweep import Answer, Failure, Swept, Trial
+from slam.occupancy import Grid
 from stitch.align import AlignConfig, align
 
 PAIRS = "pairs"
@@ -47,20 +49,27 @@ class Bins:
 
 @dataclass(frozen=True)
 class Report:
-    """The rows for one building, pair by pair, and how many of its stretches were bent."""
+    """The rows for one building, pair by pair, how many of its stretches were bent, and the sizes of its
+    pairs' maps as of `size`."""
 
     rows: tuple[Row, ...]
     stretches: int
     bent: int
+    sizes: tuple[tuple[float, float], ...]
 
 
-def trials(buildings: Sequence[tuple[str, int]], methods: Sequence[str], bins: Bins) -> Iterator[Trial]:
+def trials(
+    buildings: Sequence[tuple[str, int]], methods: Sequence[str], bins: Bins, length: tuple[float, float]
+) -> Iterator[Trial]:
     """For every building (scenario, seed) that may help to fill a bin when its turn comes: its pairs, and
-    the answers of every method, with a prior as well where it is `WITH_PRIOR`."""
+    the answers of every method, with a prior as well where it is `WITH_PRIOR`.
+
+    ``length``: of the shortest and the longest stretch of a drive [m] that is a submap.
+    """
     for scenario, seed in buildings:
         if not bins.is_open(scenario):
             continue
-        settings = {"quota": quota(scenario, bins.most)}
+        settings = {"quota": quota(scenario, bins.most), "length": list(length)}
         yield Trial("stitching", scenario, seed, PAIRS, settings)
         for method in methods:
             for prior in (False, True) if method in WITH_PRIOR else (False,):
@@ -73,18 +82,31 @@ def quota(scenario: str, most: int) -> int:
     return min(PER_TWIN_BUILDING if scenario == TWIN_SCENARIO else PER_BUILDING, most)
 
 
-def harvested(scenario: str, seed: int, most: int) -> Harvest:
+def harvested(scenario: str, seed: int, most: int, length: tuple[float, float] = LENGTH) -> Harvest:
     """The pairs of a building."""
-    return harvest(CATALOGUE[scenario], seed, quota(scenario, most))
+    return harvest(CATALOGUE[scenario], seed, quota(scenario, most), length)
 
 
 def answer(trial: Trial, found: Harvest) -> Answer:
     """One row that counts the pairs of a building, or a method's rows for them."""
     if trial.method == PAIRS:
         bins = [pair.bin for pair in found.pairs]
-        return Answer([{"bins": bins, "stretches": found.stretches, "bent": found.bent}])
+        about = {"bins": bins, "stretches": found.stretches, "bent": found.bent}
+        return Answer(
+            [about | {"sizes": [size(map_.grid) for pair in found.pairs for map_ in (pair.a, pair.b)]}]
+        )
     variant = Variant(trial.config["method"], trial.config["prior"])
     return Answer([asdict(row) for row in rows_of(found.pairs, variant)])
+
+
+def size(grid: Grid) -> tuple[float, float]:
+    """Longer and shorter side [m] of the smallest rectangle, however turned, round what a map has seen."""
+    import cv2
+
+    known = np.argwhere(grid.occupied | grid.free).astype(np.float32)
+    _, sides, _ = cv2.minAreaRect(known)
+    long, short = sorted([(side + 1.0) * grid.resolution for side in sides], reverse=True)
+    return long, short
 
 
 def rows_of(pairs: Sequence[Pair], variant: Variant) -> list[Row]:
@@ -115,5 +137,6 @@ def kept(swept: Swept, most: int) -> list[Report]:
         answers = answered[building][1:]
         rows = tuple(Row(**found.rows[k]) for k in numbers for found in answers)
         if rows:
-            reports.append(Report(rows, about["stretches"], about["bent"]))
+            sizes = tuple((long, short) for k in numbers for long, short in about["sizes"][2 * k : 2 * k + 2])
+            reports.append(Report(rows, about["stretches"], about["bent"], sizes))
     return reports

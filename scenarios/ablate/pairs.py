@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from scenarios.ablate.hold import hold
-from scenarios.ablate.pieces import CELL, Piece, pieces
+from scenarios.ablate.pieces import CELL, LENGTH, Piece, pieces
 from scenarios.ablate.visits import visits
 from sim.record import Buildable
 from slam import se2
@@ -63,11 +63,14 @@ class Harvest:
     bent: int
 
 
-def harvest(scenario: Buildable, seed: int, quota: int) -> Harvest:
-    """At most ``quota`` pairs per bin from two visits; between every third two furniture is moved."""
+def harvest(scenario: Buildable, seed: int, quota: int, length: tuple[float, float] = LENGTH) -> Harvest:
+    """At most ``quota`` pairs per bin from two visits; between every third two furniture is moved.
+
+    ``length``: of the shortest and the longest stretch [m].
+    """
     moved = (seed + zlib.crc32(scenario.name.encode())) % 3 == 0
     rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode()), 3])
-    cut = [pieces(run.recording, rng) for run in visits(scenario, seed, moved)]
+    cut = [pieces(run.recording, rng, length) for run in visits(scenario, seed, moved)]
     (first, bent_first), (second, bent_second) = cut
     taken: dict[str, list[tuple[int, int]]] = {}
     shares = {}

@@ -16,7 +16,7 @@ from slam.submap import Submap, cut
 from slam.track import Track, Verdict
 
 LENGTH = (30.0, 60.0)
-"""Shortest and longest stretch [m]: submaps of about 30 × 20 m."""
+"""Shortest and longest stretch [m], unless asked for others: submaps of about 30 × 20 m."""
 PER_DRIVE = 14
 """Stretches cut from a drive."""
 LOST = SegmentationConfig(rule="zero_run", run=10)
@@ -43,15 +43,20 @@ class Piece:
     middles: Array
 
 
-def pieces(recording: Recording, rng: np.random.Generator) -> tuple[list[Piece], int]:
-    """Stretches of a drive as submaps, and how many are bent beyond `MOST_WARP` and left out."""
+def pieces(
+    recording: Recording, rng: np.random.Generator, length: tuple[float, float] = LENGTH
+) -> tuple[list[Piece], int]:
+    """Stretches of a drive as submaps, and how many are bent beyond `MOST_WARP` and left out.
+
+    ``length``: of the shortest and of the longest [m]. Raises ``ValueError`` for a recording without truth.
+    """
     if recording.truth is None:
         raise ValueError(f"{recording.name}: expected a recording with truth")
     scans = scans_of(recording)
     found = track(recording, scans=scans)
     drawn = np.array([k for k in keyframes.choose(found.poses) if found.verdict[k] != Verdict.FELL_BACK])
     kept, bent = [], 0
-    for start, stop in stretches(found, rng):
+    for start, stop in stretches(found, rng, length):
         rows = drawn[(drawn >= start) & (drawn < stop)]
         if len(rows) == 0:
             continue
@@ -66,19 +71,21 @@ def pieces(recording: Recording, rng: np.random.Generator) -> tuple[list[Piece],
     return kept, bent
 
 
-def stretches(found: Track, rng: np.random.Generator) -> list[tuple[int, int]]:
-    """Scans ``start..stop-1`` of stretches of a random `LENGTH`, none over where the robot got lost."""
+def stretches(found: Track, rng: np.random.Generator, length: tuple[float, float]) -> list[tuple[int, int]]:
+    """Scans ``start..stop-1`` of stretches of a random length [m] between two, none over where the robot got
+    lost."""
+    shortest, longest = length
     chosen = []
     path = se2.path_length(found.poses)
-    whole = [s for s in segments(found, LOST) if path[s.stop - 1] - path[s.start] >= LENGTH[0]]
+    whole = [s for s in segments(found, LOST) if path[s.stop - 1] - path[s.start] >= shortest]
     if not whole:
         return []
-    room = np.array([path[s.stop - 1] - path[s.start] - LENGTH[0] for s in whole]) + 1.0
+    room = np.array([path[s.stop - 1] - path[s.start] - shortest for s in whole]) + 1.0
     for k in rng.choice(len(whole), PER_DRIVE, p=room / room.sum()):
         low, high = path[whole[k].start], path[whole[k].stop - 1]
-        length = rng.uniform(LENGTH[0], min(LENGTH[1], high - low))
-        begin = rng.uniform(low, high - length)
-        start, stop = np.searchsorted(path, [begin, begin + length])
+        long = rng.uniform(shortest, min(longest, high - low))
+        begin = rng.uniform(low, high - long)
+        start, stop = np.searchsorted(path, [begin, begin + long])
         chosen.append((int(start), min(int(stop), whole[k].stop)))
     return chosen
 

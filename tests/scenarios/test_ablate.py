@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate.harvesting import PAIRS, Bins, answer, kept, rows_of, trials
+from scenarios.ablate.harvesting import PAIRS, Bins, answer, kept, rows_of, size, trials
 from scenarios.ablate.pairs import BINS, NONE, TWINS, Harvest, Pair, bin_of, frame_near, harvest, shared
-from scenarios.ablate.pieces import CELL, Piece, best_rigid, warp
+from scenarios.ablate.pieces import CELL, LENGTH, Piece, best_rigid, warp
 from scenarios.ablate.study import STUDIES
 from scenarios.ablate.study.stitching import chosen, seeds_of
 from scenarios.ablate.summary import ALL, Share, lines
@@ -27,6 +27,7 @@ from scenarios.cli import BadInput
 from scenarios.sweep import Answer, Trial, sweep
 from sim.floorplan import Prism, box, cupboard, table
 from slam import se2
+from slam.occupancy import Grid
 from stitch.align import NoStitch, Stitch
 
 Command = Callable[..., Any]
@@ -200,7 +201,8 @@ def _spread(prisms: list[Prism]) -> float:
 def counted(trial: Trial, bins: list[str]) -> Answer:
     """A stand-in for the study: every pair is refused."""
     if trial.method == PAIRS:
-        return Answer([{"bins": bins, "stretches": 7, "bent": 1}])
+        sizes = [(30.0 + k, 20.0) for k in range(2 * len(bins))]
+        return Answer([{"bins": bins, "stretches": 7, "bent": 1, "sizes": sizes}])
     return Answer([asdict(row("refused", where, variant=trial.method)) for where in bins])
 
 
@@ -211,7 +213,7 @@ def test_buildings_are_visited_until_the_bins_are_full(scenario: str) -> None:
     bins = Bins(3)
     buildings = [(scenario, seed) for seed in range(9)]
     swept = sweep(
-        trials(buildings, ["orb", "joint"], bins),
+        trials(buildings, ["orb", "joint"], bins, LENGTH),
         counted,
         None,
         prepare=lambda *_: where * 2,
@@ -225,12 +227,27 @@ def test_buildings_are_visited_until_the_bins_are_full(scenario: str) -> None:
     assert [one.variant for one in first.rows[:3]] == ["orb", "joint", "joint + prior"]
     assert [one.bin for one in second.rows[::3]] == where
     assert (second.stretches, second.bent) == (7, 1)
+    assert second.sizes == tuple((30.0 + k, 20.0) for k in range(2 * len(where)))  # two maps a pair
 
 
 def test_pairs_are_counted_by_a_trial_of_their_own(hives: tuple[Pair, ...]) -> None:
     found = Harvest(hives, 20, 3)
     (row,) = answer(Trial("stitching", "beehive", 102, PAIRS, {"quota": 1}), found).rows
-    assert row == {"bins": [pair.bin for pair in hives], "stretches": 20, "bent": 3}
+    sizes = [size(submap.grid) for pair in hives for submap in (pair.a, pair.b)]
+    assert row == {"bins": [pair.bin for pair in hives], "stretches": 20, "bent": 3, "sizes": sizes}
+    assert all(short <= long < 40.0 for long, short in sizes)  # the building is 26 × 24 m
+
+
+def test_the_size_of_a_map_does_not_depend_on_how_it_lies() -> None:
+    """6 × 2 m of cells of 0.1 m, straight and slanting, when their corners stand out."""
+    straight = np.zeros((40, 80), dtype=bool)
+    straight[10:30, 10:70] = True
+    y, x = np.mgrid[:80, :80] - 40.0
+    along, across = x * np.cos(0.5) + y * np.sin(0.5), y * np.cos(0.5) - x * np.sin(0.5)
+    slanting = (np.abs(along) < 30.0) & (np.abs(across) < 10.0)
+    for seen in (straight, slanting):
+        grid = Grid(np.zeros_like(seen), seen, np.zeros(2), 0.1)
+        assert size(grid) == pytest.approx((6.0, 2.0), abs=0.15)
 
 
 def test_a_worker_answers_as_this_process_does(
