@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from scenarios.sweep import Answer, Trial
 
 
+LENGTHS = ((20.0, 40.0), (30.0, 60.0))
+"""Of the shortest and the longest stretch [m] that is a submap: smaller and larger ones are learnt from."""
+
+
 @dataclass(frozen=True)
 class Options:
     """Learn the network of `stitch.belief` from simulated pairs of submaps, and write it to a file.
@@ -60,7 +64,11 @@ def run(options: Options) -> None:
     from scenarios.ablate.lessons import Lessons, crossed, fit
 
     couples = [(name, a, b) for a, b in zip(seeds[::2], seeds[1::2], strict=False) for name in scenarios]
-    trials = [Trial("belief", name, a, "joint", {"second": b}) for name, a, b in couples]
+    trials = [
+        Trial("belief", name, a, "joint", {"second": b, "length": list(length)})
+        for length in LENGTHS
+        for name, a, b in couples
+    ]
     store = options.out / "sweep.sqlite"
     swept = sweep(
         trials, couple, store, scheduler=options.scheduler, workers=options.workers, fresh=options.fresh
@@ -82,8 +90,11 @@ def couple(trial: Trial, material: None) -> Answer:
     from scenarios.ablate.lessons import Lessons, lessons, strangers
     from scenarios.sweep import Answer
 
-    seeds = (trial.seed, int(str(trial.config["second"])))
-    first, second = (harvested(trial.scenario, seed, PER_TWIN_BUILDING).pairs for seed in seeds)
+    seeds = (trial.seed, int(trial.config["second"]))
+    shortest, longest = trial.config["length"]
+    first, second = (
+        harvested(trial.scenario, seed, PER_TWIN_BUILDING, (shortest, longest)).pairs for seed in seeds
+    )
     known, rng = [*first, *second], np.random.default_rng([*seeds, 5])
     unknown = strangers(first, second) + strangers(second, first)
     found = [lessons(known + unknown, False, rng), lessons(known, True, rng)]
