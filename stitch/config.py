@@ -25,8 +25,8 @@ class AlignConfig:
     ``prior_weight`` cells per ½ of squared Mahalanobis distance, ``prior_sigmas`` the half width of the
     search around a prior; ``sweep_step`` and ``sweep_limit`` rad where directions cannot be trusted;
     ``candidates`` of each search that are climbed; ``temperature`` cells, the score difference a covariance
-    takes for noise; ``warp`` (m, rad) the distortion within a submap; ``refine`` by the scan matcher, which
-    may move by ``refine_limit`` (m, rad).
+    takes for noise; ``warp`` (m, rad) the distortion within a submap of about 30 × 20 m; ``refine`` by the
+    scan matcher, which may move by ``refine_limit`` (m, rad).
     """
 
     method: Method = "joint"
@@ -43,7 +43,7 @@ class AlignConfig:
     sweep_limit: float = 0.35
     candidates: int = 8
     temperature: float = 2.0
-    warp: tuple[float, float] = (0.01, 0.0026)
+    warp: tuple[float, float] = (0.018, 0.0026)
     refine: bool = True
     refine_limit: tuple[float, float] = (0.3, 0.05)
     acceptance: Acceptance = field(default_factory=Acceptance)
