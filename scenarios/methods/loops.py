@@ -72,8 +72,8 @@ class LoopConfig:
     A pair is tried only if a stitch is expected to tell ``least_information`` nats: one that the graph knows
     by others needs none, however often its place is seen. All in at most ``rounds`` rounds. Graph distance,
     where it is asked for: an accepted loop counts ``trusted_edge`` m, a failure adds ``broken_edge`` m.
-    ``align``: submaps of a few metres bend less than the default says. ``back_end`` judges the stitches. For ablation: of all stitches a share of
-    ``injected`` is made up, drawn with ``injected_seed``.
+    ``align``: submaps of a few metres bend less than its default says. ``back_end`` judges the stitches.
+    For ablation: of all stitches a share of ``injected`` is made up, drawn with ``injected_seed``.
     """
 
     length: float = 3.0
