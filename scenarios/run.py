@@ -160,6 +160,7 @@ def obtain(options: Options, stages: Stages) -> Source:
 
 def _obtain(options: Options, stages: Stages) -> Source:
     from scenarios import source
+    from slam.mount import is_unstated
 
     if source.is_scenario(options.recording):
         tell_of_compilation(stages)
@@ -170,8 +171,8 @@ def _obtain(options: Options, stages: Stages) -> Source:
     with stages.stage("read"):
         found = source.logged(Path(options.recording), options.relations, options.laser_mount)
     tell_of_compilation(stages)
-    stated = options.laser_mount is not None or options.no_dead_reckoning
-    return found if stated else _mounted(found, stages)
+    stated = options.laser_mount is not None or not is_unstated(found.recording)
+    return found if stated or options.no_dead_reckoning else _mounted(found, stages)
 
 
 def _mounted(found: Source, stages: Stages) -> Source:

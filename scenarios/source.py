@@ -101,15 +101,13 @@ def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
 
 
 def with_estimated_mount(found: Source) -> tuple[Source, Mount | None]:
-    """The recording with its laser where the drive itself says it is, and that mount.
+    """A recording whose mount is unstated, with its laser where the drive itself says it is; and that mount.
 
-    As it was, with None, where the log states a mount or the drive tells of none. Published answers, made
-    with the laser for the robot, become the robot's.
+    As it was, with None, where the drive tells of none. Published answers, made with the laser for the robot,
+    become the robot's.
     """
     from slam import frontend, mount, se2
 
-    if not mount.is_unstated(found.recording):
-        return found, None
     known = mount.estimate(found.recording, frontend.track(found.recording))
     if known is None:
         return found, None
