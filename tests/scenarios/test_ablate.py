@@ -18,7 +18,7 @@ from scenarios.ablate.harvesting import PAIRS, Bins, answer, kept, rows_of, size
 from scenarios.ablate.pairs import BINS, NONE, TWINS, Harvest, Pair, bin_of, frame_near, harvest, shared
 from scenarios.ablate.pieces import CELL, LENGTH, Piece, best_rigid, warp
 from scenarios.ablate.study import STUDIES
-from scenarios.ablate.study.stitching import chosen, seeds_of
+from scenarios.ablate.study.stitching import chosen, notes, seeds_of
 from scenarios.ablate.summary import ALL, Share, lines
 from scenarios.ablate.trial import Row, Variant, drawn_prior, judged
 from scenarios.ablate.visits import rearranged
@@ -228,6 +228,10 @@ def test_buildings_are_visited_until_the_bins_are_full(scenario: str) -> None:
     assert [one.bin for one in second.rows[::3]] == where
     assert (second.stretches, second.bent) == (7, 1)
     assert second.sizes == tuple((30.0 + k, 20.0) for k in range(2 * len(where)))  # two maps a pair
+
+
+def test_a_study_in_which_every_building_failed_still_has_notes() -> None:
+    assert notes([]) == ["no building gave an answer"]
 
 
 def test_pairs_are_counted_by_a_trial_of_their_own(hives: tuple[Pair, ...]) -> None:

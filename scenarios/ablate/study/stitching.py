@@ -119,6 +119,8 @@ def notes(reports: Sequence[Report]) -> list[str]:
     """What stands below the table."""
     import numpy as np
 
+    if not reports:
+        return ["no building gave an answer"]
     cut, bent = sum(report.stretches for report in reports), sum(report.bent for report in reports)
     long, short = np.median([side for report in reports for side in report.sizes], axis=0)
     return [
