@@ -54,13 +54,14 @@ class Network:
 
 
 def features(evidence: Evidence, standing: Standing) -> Array:
-    """What is known of an alignment, as numbers ``(34,)`` of like size.
+    """What is known of an alignment, as numbers ``(39,)`` of like size.
 
     Its odds, its rivals' and its lead, its firmness, the areas in common and the agreement; roots and
-    logarithms of the counts of `stitch.likeness.tally`; what the prior says.
+    logarithms of what its `stitch.likeness.Tally` counts; what the prior says.
     """
     rivals = np.maximum([*standing.rivals[:RIVALS], *[NO_RIVAL] * RIVALS][:RIVALS], NO_RIVAL)
-    met, missed = standing.counts[:, :, :-1], standing.counts[:, :, -1]
+    counts, gaps = standing.tally.counts, standing.tally.gaps
+    met, missed = counts[:, :, :-1], counts[:, :, -1]
     shared, against = met[:, 0, :SHARED].sum(axis=1), missed[:, :2].max(axis=1)
     return np.concatenate(
         [
@@ -71,6 +72,8 @@ def features(evidence: Evidence, standing: Standing) -> Array:
             np.sqrt(met[:, 1].sum(axis=1)),
             np.log1p(shared),
             np.log1p(missed.ravel()),
+            np.log1p(gaps),
+            np.sqrt(gaps[1:]),
             [standing.unlikely, float(standing.guided)],
         ]
     )

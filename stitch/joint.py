@@ -324,7 +324,7 @@ def shown(scene: Scene, candidates: list[Candidate], config: AlignConfig) -> tup
         odds=best.odds,
         rivals=tuple(other.odds for other in others),
         firmness=1.0 - float(left.max()) / max(agreement, 1e-9),
-        counts=tally(scene.a, scene.b, T_a_b),
+        tally=tally(scene.a, scene.b, T_a_b),
         unlikely=0.0 if scene.prior is None else float(prior_penalty(scene.prior, T_a_b, 1.0)),
         guided=scene.prior is not None,
     )

@@ -27,7 +27,9 @@ WEIGHTS = np.array(
         ],
     ]
 )
-"""Of the roots of `tally`'s counts."""
+"""Of the roots of a `Tally.counts`."""
+GAPS = np.array([0.0, 0.0, 0.0])
+"""Of the roots of its `Tally.gaps`."""
 BIAS, GUIDED = -8.10, 5.91
 """The log-odds of maps that never meet, and what a prior of 1 m and 10° adds where it expects them.
 
@@ -57,29 +59,42 @@ class Ground:
         return cls(walls, (walls.weights < 1.0).astype(np.int64), nearest)
 
 
-def tally(a: Ground, b: Ground, T_a_b: Array) -> np.ndarray:
-    """How many wall points, of both maps, met what in the other: counts ``(2, 3, 7)``.
+@dataclass(frozen=True)
+class Tally:
+    """How many wall points, of both maps, met what in the other.
 
-    By kind of the point (see `Ground`); by how the surfaces face: the same way, opposite ways, unknown; by
-    distance (`DISTANCES`). The last column holds, in place of facing: beside a wall in its free space (such a
-    point is counted at its distance as well), in free space far from any wall, where nothing is known.
+    ``counts (2, 3, 7)``: by kind of the point (see `Ground`); by how the surfaces face: the same way,
+    opposite ways, unknown; by distance (`DISTANCES`). The last column holds, in place of facing: beside a
+    wall in its free space (such a point is counted at its distance as well), in free space far from any wall,
+    where nothing is known.
+
+    ``gaps (3,)``: points in free space apart from any wall, by whether the other's walls go on in line with
+    their own on neither side, on one, on both. The last have walled up a doorway of the other map: furniture
+    is moved, but walls are not.
     """
-    from stitch.likeness_kernels import meet
 
-    counts = np.zeros((2, 3, len(DISTANCES) + 1), dtype=np.int64)
+    counts: np.ndarray
+    gaps: np.ndarray
+
+
+def tally(a: Ground, b: Ground, T_a_b: Array) -> Tally:
+    """What the walls of both maps meet when b lies at ``T_a_b (3,)``."""
+    from stitch.likeness_kernels import meet, stand_in_gaps
+
+    counts, gaps = np.zeros((2, 3, len(DISTANCES) + 1), dtype=np.int64), np.zeros(3, dtype=np.int64)
     met, missed = counts[:, :, :-1], counts[:, :, -1]
     for still, moving, T in ((a, b, np.asarray(T_a_b, dtype=np.float64)), (b, a, se2.inverse(T_a_b))):
-        meet(
-            moving.walls.points, moving.walls.facing, moving.kinds, T,
-            still.nearest, still.walls.grid.free, still.walls.grid.origin, still.walls.grid.resolution,
-            still.walls.points, still.walls.facing, DISTANCES, met, missed,
-        )  # fmt: skip
-    return counts
+        grid, others, facing = still.walls.grid, still.walls.points, still.walls.facing
+        moved = moving.walls.points, moving.walls.facing
+        ground = still.nearest, grid.free, grid.origin, grid.resolution, others, facing
+        meet(*moved, moving.kinds, T, *ground, DISTANCES, met, missed)
+        stand_in_gaps(*moved, T, *ground, gaps)
+    return Tally(counts, gaps)
 
 
-def likeness(counts: np.ndarray) -> float:
-    """Log-odds that maps whose walls meet so, ``counts (2, 3, 7)`` of `tally`, show the same place.
+def likeness(found: Tally) -> float:
+    """Log-odds that maps whose walls meet so show the same place.
 
     Square roots, as points along one wall are no independent witnesses.
     """
-    return float(np.sum(WEIGHTS * np.sqrt(counts)) + BIAS)
+    return float(np.sum(WEIGHTS * np.sqrt(found.counts)) + GAPS @ np.sqrt(found.gaps) + BIAS)

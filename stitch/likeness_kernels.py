@@ -13,6 +13,11 @@ BESIDE = 0.15
 """A point in free space so far [m] from a wall has missed it."""
 KNOWN = 0.5
 """Length of a mean normal from which it is one."""
+WIDEST = 1.5
+"""Of a gap in a wall [m]: a doorway's."""
+APART, IN_LINE, PARALLEL = 0.2, 0.12, 0.9
+"""What stands in a gap is so far from any wall [m]; walls go on beyond it within so much of the line [m], and
+face, either way, by a cosine of so much as it does."""
 
 
 @njit(cache=True)
@@ -75,3 +80,56 @@ def meet(points: Array, facing: Array, kind: np.ndarray, T: Array, nearest: np.n
             beyond += not distance <= limit
         if beyond < len(limits):
             met[kind[n], way, beyond] += 1
+
+
+@njit(cache=True)
+def stand_in_gaps(points: Array, facing: Array, T: Array, nearest: np.ndarray, free: np.ndarray,
+                  origin: Array, resolution: float, others: Array, others_facing: Array,
+                  counts: np.ndarray) -> None:  # fmt: skip
+    """Counts points ``(n, 2)``, moved by ``T (3,)``, in free space apart from the walls ``others (m, 2)``.
+
+    ``counts (3,)``: by whether those walls go on, in line with the point's own, on neither side, on one, or
+    on both, no farther apart than `WIDEST`.
+    """
+    c, s = np.cos(T[2]), np.sin(T[2])
+    for n in range(points.shape[0]):
+        x = c * points[n, 0] - s * points[n, 1] + T[0]
+        y = s * points[n, 0] + c * points[n, 1] + T[1]
+        j, i = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
+        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1] and free[i, j]):
+            continue
+        k = nearest[i, j]
+        if k >= 0 and np.hypot(others[k, 0] - x, others[k, 1] - y) < APART:
+            continue
+        nx, ny = c * facing[n, 0] - s * facing[n, 1], s * facing[n, 0] + c * facing[n, 1]
+        size = np.hypot(nx, ny)
+        if size <= KNOWN:
+            counts[0] += 1
+            continue
+        line = (x, y, nx / size, ny / size)
+        left = _goes_on(line, 1.0, nearest, origin, resolution, others, others_facing)
+        right = _goes_on(line, -1.0, nearest, origin, resolution, others, others_facing)
+        sides = int(left <= WIDEST) + int(right <= WIDEST)
+        counts[2 if left + right <= WIDEST else min(sides, 1)] += 1
+
+
+@njit(cache=True)
+def _goes_on(line, way, nearest, origin, resolution, others, others_facing):
+    """How far along a ``line`` (x, y, and its normal), one ``way`` or the other (1, -1), the next wall in
+    line with it is; infinity beyond `WIDEST`."""
+    x, y, nx, ny = line
+    for step in range(1, int(2.0 * WIDEST / resolution) + 1):
+        far = 0.5 * step * resolution
+        px, py = x - way * far * ny, y + way * far * nx
+        j, i = int(np.floor((px - origin[0]) / resolution)), int(np.floor((py - origin[1]) / resolution))
+        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
+            break
+        k = nearest[i, j]
+        if k < 0:
+            continue
+        dx, dy = others[k, 0] - px, others[k, 1] - py
+        fx, fy = others_facing[k, 0], others_facing[k, 1]
+        in_line = abs(dx * nx + dy * ny) <= IN_LINE and abs(dy * nx - dx * ny) <= resolution
+        if in_line and abs(fx * nx + fy * ny) >= PARALLEL * max(np.hypot(fx, fy), KNOWN):
+            return far
+    return np.inf

@@ -8,6 +8,7 @@ import numpy as np
 
 from slam import se2
 from slam.se2 import Array
+from stitch.likeness import Tally
 from stitch.raster import Raster, dilated
 from stitch.result import Prior
 
@@ -84,14 +85,14 @@ def _window(cells: np.ndarray, raster: Raster, low: np.ndarray, high: np.ndarray
 class Standing:
     """How an alignment stands: its log-``odds`` of likeness, those of the ``rivals``, the best first; its
     ``firmness``: share of the agreement that is lost within 0.4 m in every direction, as a bare corridor
-    does not; the ``counts (2, 3, 7)`` of what its walls met (`stitch.likeness.tally`); how ``unlikely`` the
-    prior finds it (half a squared Mahalanobis distance), and whether a prior ``guided`` the search.
+    does not; the ``tally`` of what its walls met; how ``unlikely`` the prior finds it (half a squared
+    Mahalanobis distance), and whether a prior ``guided`` the search.
     """
 
     odds: float
     rivals: tuple[float, ...]
     firmness: float
-    counts: np.ndarray
+    tally: Tally
     unlikely: float
     guided: bool
 

@@ -26,11 +26,12 @@ SPREAD = 0.1
 class Examples:
     """Alignments of pairs of maps.
 
-    ``counts (n, 2, 3, 7)`` of `stitch.likeness.tally`; ``unlikely (n,)``: what the prior takes off the
-    log-odds, 0 without one; ``right (n,)`` bool, by the truth.
+    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.likeness.Tally`; ``unlikely (n,)``: what the prior
+    takes off the log-odds, 0 without one; ``right (n,)`` bool, by the truth.
     """
 
     counts: Array
+    gaps: Array
     unlikely: Array
     right: np.ndarray
 
@@ -40,10 +41,12 @@ class Examples:
         walls_a, walls_b = walls_of(pair.a, config.resolution), walls_of(pair.b, config.resolution)
         scene = Scene.of(walls_a, walls_b, prior, config)
         poses = [candidate.T_a_b for candidate in tops(scene, config)]
-        counts = [tally(scene.a, scene.b, T_a_b) for T_a_b in poses]
+        tallies = [tally(scene.a, scene.b, T_a_b) for T_a_b in poses]
+        counts = np.array([found.counts for found in tallies]).reshape(-1, 2, 3, 7)
+        gaps = np.array([found.gaps for found in tallies]).reshape(-1, 3)
         unlikely = [float(prior_penalty(prior, T_a_b, 1.0)) for T_a_b in poses]
         right = [is_right(T_a_b, pair.T_a_b, pair.middle_b) for T_a_b in poses]
-        return cls(np.array(counts).reshape(-1, 2, 3, 7), np.array(unlikely), np.array(right, dtype=bool))
+        return cls(counts, gaps, np.array(unlikely), np.array(right, dtype=bool))
 
     @staticmethod
     def packed(several: Sequence[Examples]) -> bytes:
@@ -69,12 +72,13 @@ class Examples:
     @classmethod
     def together(cls, several: Sequence[Examples]) -> Examples:
         """All of them as one; of none, no example."""
-        none = cls(np.zeros((0, 2, 3, 7)), np.zeros(0), np.zeros(0, dtype=bool))
+        none = cls(np.zeros((0, 2, 3, 7)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=bool))
         return cls(*(np.concatenate([getattr(e, name) for e in (none, *several)]) for name in cls.names()))
 
 
-def fit(examples: Examples) -> tuple[Array, float]:
-    """Weights ``(2, 3, 7)`` and constant of `stitch.likeness.likeness`, from examples without a prior.
+def fit(examples: Examples) -> tuple[Array, Array, float]:
+    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of `stitch.likeness.likeness`, from examples
+    without a prior.
 
     Logistic regression on the square roots of the counts, each divided by its spread, with a unit normal
     prior on the weights.
@@ -82,7 +86,7 @@ def fit(examples: Examples) -> tuple[Array, float]:
     from scipy.optimize import minimize
     from scipy.special import expit
 
-    features = np.sqrt(examples.counts.reshape(len(examples.right), -1))
+    features = np.sqrt(_counted(examples))
     scale = features.std(axis=0) + SPREAD
     features, sign = features / scale, np.where(examples.right, 1.0, -1.0)
 
@@ -93,14 +97,20 @@ def fit(examples: Examples) -> tuple[Array, float]:
         return float(np.logaddexp(0.0, -margin).sum() + 0.5 * theta[1:] @ theta[1:]), gradient
 
     theta = minimize(loss, np.zeros(features.shape[1] + 1), jac=True, method="L-BFGS-B").x
-    return (theta[1:] / scale).reshape(2, 3, 7), float(theta[0])
+    weights, gaps = np.split(theta[1:] / scale, [-3])
+    return weights.reshape(2, 3, 7), gaps, float(theta[0])
 
 
-def fit_guided(examples: Examples, weights: Array, bias: float) -> float:
+def _counted(examples: Examples) -> Array:
+    """All counts of each alignment, side by side ``(n, 45)``."""
+    return np.concatenate([examples.counts.reshape(len(examples.right), 42), examples.gaps], axis=1)
+
+
+def fit_guided(examples: Examples, weights: Array, gaps: Array, bias: float) -> float:
     """The constant that a prior adds to the log-odds, from examples with one."""
     from scipy.optimize import minimize_scalar
 
-    odds = np.sum(weights * np.sqrt(examples.counts), axis=(1, 2, 3)) + bias - examples.unlikely
+    odds = np.sqrt(_counted(examples)) @ np.concatenate([weights.ravel(), gaps]) + bias - examples.unlikely
     sign = np.where(examples.right, 1.0, -1.0)
     return float(
         minimize_scalar(lambda shift: np.logaddexp(0.0, -sign * (odds + shift)).sum(), bounds=(-20, 20)).x

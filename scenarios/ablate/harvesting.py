@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from scenarios.ablate.pairs import TWIN_SCENARIO, Harvest, Pair, bins_of, harvest
+from scenarios.ablate.pairs import TWIN_SCENARIO, Harvest, Pair, bins_of, harvest, is_moved
 from scenarios.ablate.pieces import LENGTH
 from scenarios.ablate.study.stitching import PER_BUILDING, PER_TWIN_BUILDING, WITH_PRIOR
 from scenarios.ablate.trial import Row, Variant, attempt
@@ -85,6 +85,18 @@ def quota(scenario: str, most: int) -> int:
 def harvested(scenario: str, seed: int, most: int, length: tuple[float, float] = LENGTH) -> Harvest:
     """The pairs of a building."""
     return harvest(CATALOGUE[scenario], seed, quota(scenario, most), length)
+
+
+def both_ways(
+    scenario: str, seed: int, length: tuple[float, float] = LENGTH
+) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
+    """The pairs of a building to learn from: the study's, and those there are once furniture is moved, where
+    in the study it is not: what is hardest to tell is learnt from most."""
+    most = quota(scenario, PER_TWIN_BUILDING)
+    found = harvest(CATALOGUE[scenario], seed, most, length).pairs
+    if is_moved(scenario, seed):
+        return found, ()
+    return found, harvest(CATALOGUE[scenario], seed, most, length, moved=True).pairs
 
 
 def answer(trial: Trial, found: Harvest) -> Answer:

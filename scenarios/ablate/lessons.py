@@ -28,7 +28,7 @@ STRANGERS = "strangers"
 class Lessons:
     """The likeliest alignments of n pairs.
 
-    ``features (n, 34)`` of `stitch.belief.features`; ``right (n,)`` bool by the truth; ``allowed (n,)`` bool:
+    ``features (n, 39)`` of `stitch.belief.features`; ``right (n,)`` bool by the truth; ``allowed (n,)`` bool:
     they pass the limits that do not depend on belief; ``guided (n,)`` bool: with a prior; ``bin (n,)``
     names; ``building (n,)`` numbers.
     """
@@ -77,7 +77,7 @@ def lessons(pairs: Sequence[Pair], guided: bool, rng: np.random.Generator) -> Le
     columns = list(zip(*found, strict=True)) if found else [()] * 6
     kinds = (np.float64, bool, bool, bool, np.str_, np.int64)
     arrays = [np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)]
-    return Lessons(arrays[0].reshape(len(found), -1 if found else 34), *arrays[1:])
+    return Lessons(arrays[0].reshape(len(found), -1 if found else 39), *arrays[1:])
 
 
 def strangers(pairs: Sequence[Pair], others: Sequence[Pair]) -> list[Pair]:

@@ -63,12 +63,24 @@ class Harvest:
     bent: int
 
 
-def harvest(scenario: Buildable, seed: int, quota: int, length: tuple[float, float] = LENGTH) -> Harvest:
-    """At most ``quota`` pairs per bin from two visits; between every third two furniture is moved.
+def is_moved(scenario: str, seed: int) -> bool:
+    """Whether furniture is moved between the visits to a building: to every third."""
+    return (seed + zlib.crc32(scenario.encode())) % 3 == 0
+
+
+def harvest(
+    scenario: Buildable,
+    seed: int,
+    quota: int,
+    length: tuple[float, float] = LENGTH,
+    moved: bool | None = None,
+) -> Harvest:
+    """At most ``quota`` pairs per bin from two visits, between which furniture is ``moved`` where `is_moved`
+    says so, unless told.
 
     ``length``: of the shortest and the longest stretch [m].
     """
-    moved = (seed + zlib.crc32(scenario.name.encode())) % 3 == 0
+    moved = is_moved(scenario.name, seed) if moved is None else moved
     rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode()), 3])
     cut = [pieces(run.recording, rng, length) for run in visits(scenario, seed, moved)]
     (first, bent_first), (second, bent_second) = cut

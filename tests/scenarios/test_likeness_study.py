@@ -9,58 +9,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-import scenarios.ablate.pairs
+import scenarios.ablate.harvesting
 from scenarios.ablate.examples import Examples, fit, fit_guided
 from scenarios.ablate.pairs import Harvest, Pair
 from scenarios.ablate.study.likeness import Options, run
 from scenarios.ablate.trial import LIMIT, apart, drawn_prior, is_right
 from scenarios.cli import BadInput
-from sim.laser import Raycaster
-from slam import se2
-from slam.occupancy import draw
-from slam.recording import Laser
-from slam.scan import Scan
 from slam.se2 import Array
-from slam.submap import Submap
 from stitch.config import AlignConfig
-
-ANGLES = np.radians(np.arange(-180.0, 180.0, 2.0))
-LASER = Laser(range_max=8.0)
-FRAMES = np.array([[2.0, 2.0, 0.3], [6.0, 2.0, -1.4]])
-"""Of the two maps of the tiny building, in the building."""
-
-
-def tiny_building() -> Raycaster:
-    """Three rooms in a row with doors and a pillar each, none like another."""
-    walls = [[0.0, 0.0, 11.0, 0.0], [0.0, 4.0, 11.0, 4.0], [0.0, 0.0, 0.0, 4.0], [11.0, 0.0, 11.0, 4.0]]
-    walls += [[4.0, 0.0, 4.0, 1.5], [4.0, 2.7, 4.0, 4.0], [8.0, 0.0, 8.0, 2.2], [8.0, 3.4, 8.0, 4.0]]
-    walls += [[1.0, 3.0, 1.8, 3.0], [5.2, 0.8, 5.2, 1.6], [5.2, 1.6, 6.8, 1.6], [9.5, 2.0, 9.9, 2.9]]
-    return Raycaster.from_segments(np.array(walls))
-
-
-def submap(building: Raycaster, frame: Array, x: Array, rng: np.random.Generator) -> Submap:
-    """What is seen from places ``x`` along the middle of the rooms."""
-    poses = np.column_stack([x, np.full(len(x), 2.3), x])
-    ranges = building.cast(poses, ANGLES)
-    ranges = np.where(ranges < LASER.range_max, ranges, np.nan) + rng.normal(0.0, 0.01, ranges.shape)
-    local = se2.between(frame, poses)
-    scans = [Scan.from_ranges(r, ANGLES, LASER).transformed(T) for r, T in zip(ranges, local, strict=True)]
-    return Submap(0, len(x), frame, Scan.merged(scans), draw(local, ranges, ANGLES, LASER, 0.05))
+from tests.scenarios.tiny_pair import tiny_pair
 
 
 @pytest.fixture(scope="module")
 def pair() -> Pair:
-    rng, building = np.random.default_rng(0), tiny_building()
-    a, b = (
-        submap(building, frame, np.linspace(*ends, 12), rng)
-        for frame, ends in zip(FRAMES, [(0.7, 7.0), (4.6, 10.5)], strict=True)
-    )
-    middle = se2.transform(se2.inverse(FRAMES[1]), np.array([[6.0, 2.0]]))[0]
-    return Pair("tiny", 200, "50 %", a, b, se2.between(*FRAMES), middle, 0.5, False, 4.0)
+    return tiny_pair()
 
 
-def examples(counts: Array, right: np.ndarray, unlikely: Array | None = None) -> Examples:
-    return Examples(counts, np.zeros(len(right)) if unlikely is None else unlikely, right)
+def examples(
+    counts: Array, right: np.ndarray, unlikely: Array | None = None, gaps: Array | None = None
+) -> Examples:
+    """Without gaps and a prior, unless told."""
+    gaps = np.zeros((len(right), 3)) if gaps is None else gaps
+    return Examples(counts, gaps, np.zeros(len(right)) if unlikely is None else unlikely, right)
 
 
 def chances(odds: Array, rng: np.random.Generator) -> np.ndarray:
@@ -74,21 +44,23 @@ def test_known_weights_are_learnt() -> None:
     counts[:, 1, 2, 6] = 0.0  # never met
     weights = rng.normal(0.0, 0.4, (2, 3, 7))
     weights[1, 2, 6] = 0.0
-    plain = np.sum(weights * np.sqrt(counts), axis=(1, 2, 3))
+    gaps, by_gaps = rng.poisson(9.0, (6000, 3)).astype(float), np.array([0.3, 0.0, -0.8])
+    plain = np.sum(weights * np.sqrt(counts), axis=(1, 2, 3)) + np.sqrt(gaps) @ by_gaps
     bias = 0.7 - float(plain.mean())
-    found, constant = fit(examples(counts, chances(plain + bias, rng)))
+    found, found_gaps, constant = fit(examples(counts, chances(plain + bias, rng), gaps=gaps))
     np.testing.assert_allclose(found, weights, atol=0.2)
-    assert constant == pytest.approx(bias, abs=1.0)
+    np.testing.assert_allclose(found_gaps, by_gaps, atol=0.2)
     assert found[1, 2, 6] == pytest.approx(0.0, abs=1e-6)
-    odds = np.sum(found * np.sqrt(counts), axis=(1, 2, 3)) + constant
+    odds = np.sum(found * np.sqrt(counts), axis=(1, 2, 3)) + np.sqrt(gaps) @ found_gaps + constant
     assert np.sqrt(np.mean((odds - plain - bias) ** 2)) < 0.15 * plain.std()
+    assert odds.mean() == pytest.approx(0.7, abs=0.3)
 
 
 def test_counts_that_tell_everything_do_not_run_away() -> None:
     """Right and wrong apart by one count, and by a thousand points: weights stay finite and small."""
     counts = np.zeros((400, 2, 3, 7))
     counts[:200, 0, 0, 0], counts[200:, 0, 2, 6] = 90000.0, 90000.0
-    weights, bias = fit(examples(counts, np.arange(400) < 200))
+    weights, _, bias = fit(examples(counts, np.arange(400) < 200))
     assert np.abs(weights).max() < 0.1
     assert weights[0, 0, 0] > 0.0 > weights[0, 2, 6]
     assert abs(bias) < 5.0
@@ -102,7 +74,8 @@ def test_what_a_prior_adds_is_learnt() -> None:
     odds = np.sum(weights * np.sqrt(counts), axis=(1, 2, 3))
     bias = -float(odds.mean())
     right = chances(odds + bias - unlikely + 2.5, rng)
-    assert fit_guided(examples(counts, right, unlikely), weights, bias) == pytest.approx(2.5, abs=0.1)
+    known = examples(counts, right, unlikely)
+    assert fit_guided(known, weights, np.zeros(3), bias) == pytest.approx(2.5, abs=0.1)
 
 
 def test_examples_of_a_pair_hold_the_truth(pair: Pair) -> None:
@@ -110,6 +83,7 @@ def test_examples_of_a_pair_hold_the_truth(pair: Pair) -> None:
     told = Examples.of_pair(pair, drawn_prior(pair.T_a_b, np.random.default_rng(0)), AlignConfig())
     for one in (alone, told):
         assert one.counts.shape == (len(one.right), 2, 3, 7)
+        assert one.gaps.shape == (len(one.right), 3)
         assert one.right.sum() == 1
     assert len(alone.right) > 1
     assert np.all(alone.unlikely == 0.0)
@@ -151,17 +125,18 @@ def test_right_is_measured_where_the_maps_meet() -> None:
 def test_the_table_is_that_of_the_code(
     pair: Pair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    """One building of one pair, and one without any: what is printed can be pasted over stitch.likeness."""
+    """One building of one pair, and one without any: what is printed can be pasted over stitch.likeness.
+    Furniture is moved in both, besides the pairs in which it is not."""
     asked = []
 
-    def harvest(scenario, seed: int, quota: int) -> Harvest:
-        asked.append((scenario.name, seed))
-        return Harvest((pair,) if seed == 200 else (), 2, 0)
+    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> Harvest:
+        asked.append((scenario.name, seed, moved))
+        return Harvest((pair,) if seed == 200 and not moved else (), 2, 0)
 
-    monkeypatch.setattr(scenarios.ablate.pairs, "harvest", harvest)
+    monkeypatch.setattr(scenarios.ablate.harvesting, "harvest", harvest)
     run(Options(scenarios="beehive", seeds="200,201", workers=1, out=tmp_path))
     printed = capsys.readouterr()
-    assert asked == [("beehive", 200), ("beehive", 201)]
+    assert asked == [("beehive", 200, None), ("beehive", 200, True), ("beehive", 201, None)]
     assert "2 trials ran" in printed.err
     said, table = printed.out.split("\n\n", 1)
     assert "without a prior, 1 of them right" in said
@@ -170,11 +145,12 @@ def test_the_table_is_that_of_the_code(
     assert pasted["WEIGHTS"].shape == (2, 3, 7)
     assert np.isfinite(pasted["WEIGHTS"]).all()
     assert np.any(pasted["WEIGHTS"] != 0.0)
+    assert pasted["GAPS"].shape == (3,)
     assert np.isfinite([pasted["BIAS"], pasted["GUIDED"]]).all()
 
 
 def test_one_kind_of_alignments_teaches_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(scenarios.ablate.pairs, "harvest", lambda *_: Harvest((), 0, 0))
+    monkeypatch.setattr(scenarios.ablate.harvesting, "harvest", lambda *_, **__: Harvest((), 0, 0))
     with pytest.raises(BadInput, match="right and wrong alignments"):
         run(Options(scenarios="beehive", seeds="200", workers=1, out=tmp_path))
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stitch.belief import NO_RIVAL, Network, belief, features
+from stitch.likeness import Tally
 from stitch.verification import Evidence, Standing
 
 EVIDENCE = Evidence(overlap_area=30.0, open_area=20.0, agreement=0.9)
@@ -20,24 +21,26 @@ def standing(**changes: object) -> Standing:
     counts[0, 0, :4] = 100
     counts[1, 0, 0] = 50
     counts[:, 1, 6] = 10
-    found = Standing(odds=8.0, rivals=(-2.0,), firmness=0.6, counts=counts, unlikely=0.0, guided=False)
+    tallied = Tally(counts, np.array([20, 3, 4]))
+    found = Standing(odds=8.0, rivals=(-2.0,), firmness=0.6, tally=tallied, unlikely=0.0, guided=False)
     return replace(found, **changes)  # type: ignore[arg-type]
 
 
 def test_features_by_hand() -> None:
     x = features(EVIDENCE, standing())
-    assert x.shape == (34,)
+    assert x.shape == (39,)
     np.testing.assert_allclose(x[:6], [8.0, -2.0, NO_RIVAL, NO_RIVAL, 10.0, 0.6])
     np.testing.assert_allclose(x[6:10], [np.log(31.0), np.log(21.0), 0.9, 450 / 470])
     np.testing.assert_allclose(x[10:16], [10.0, 10.0, 10.0, 10.0, 0.0, 0.0])
     assert x[16] == pytest.approx(np.sqrt(50.0))
     np.testing.assert_allclose(x[24:26], np.log1p([400.0, 50.0]))
     np.testing.assert_allclose(x[26:32], np.log1p([0.0, 10.0, 0.0, 0.0, 10.0, 0.0]))
-    np.testing.assert_allclose(x[32:], [0.0, 0.0])
+    np.testing.assert_allclose(x[32:37], [*np.log1p([20.0, 3.0, 4.0]), np.sqrt(3.0), 2.0])
+    np.testing.assert_allclose(x[37:], [0.0, 0.0])
 
 
 def test_features_are_finite_without_rivals_and_without_walls() -> None:
-    bare = Standing(-8.0, (), -np.inf, np.zeros((2, 3, 7), dtype=np.int64), 3.0, True)
+    bare = Standing(-8.0, (), -np.inf, Tally(np.zeros((2, 3, 7)), np.zeros(3)), 3.0, True)
     assert np.all(np.isfinite(features(Evidence(0.0, 0.0, 0.0), bare)))
 
 
@@ -68,8 +71,10 @@ def test_what_speaks_for_and_against_an_alignment_moves_belief() -> None:
     fair = belief(EVIDENCE, standing())
     assert belief(EVIDENCE, standing(odds=-3.0, rivals=(-3.5,))) < fair
     assert belief(EVIDENCE, standing(rivals=(7.5, 7.4, 7.3))) < fair
-    contradicted = standing().counts.copy()
+    tallied = standing().tally
+    contradicted, walled_up = tallied.counts.copy(), np.array([20, 3, 60])
     contradicted[:, 1, 6] = 300
-    assert belief(EVIDENCE, standing(counts=contradicted)) < fair
+    assert belief(EVIDENCE, standing(tally=replace(tallied, counts=contradicted))) < fair
+    assert belief(EVIDENCE, standing(tally=replace(tallied, gaps=walled_up))) < fair
     assert belief(EVIDENCE, standing(odds=20.0, rivals=(-2.0,))) > fair
     assert fair > 0.0

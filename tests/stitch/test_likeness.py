@@ -15,8 +15,19 @@ from slam.occupancy import Grid
 from slam.se2 import Array
 from stitch.config import AlignConfig
 from stitch.joint import Scene
-from stitch.likeness import DISTANCES, Ground, likeness, tally
-from stitch.likeness_kernels import BESIDE, FACING, KNOWN, meet, nearest_points
+from stitch.likeness import DISTANCES, Ground, Tally, likeness, tally
+from stitch.likeness_kernels import (
+    APART,
+    BESIDE,
+    FACING,
+    IN_LINE,
+    KNOWN,
+    PARALLEL,
+    WIDEST,
+    meet,
+    nearest_points,
+    stand_in_gaps,
+)
 from stitch.raster import Walls, walls_of
 from stitch.result import Prior
 
@@ -107,6 +118,49 @@ def test_what_is_met_is_what_the_slow_twin_meets(seed: int) -> None:
     assert (missed.sum(axis=0) > 0).all()
 
 
+def slow_goes_on(place: Array, normal: Array, way: int, nearest: Array, others: tuple[Array, Array]) -> float:
+    """How far along the line the next wall in line with it is, step by step."""
+    along = way * np.array([-normal[1], normal[0]])
+    for far in np.arange(0.5 * SIDE, WIDEST + 1e-9, 0.5 * SIDE):
+        column, row = np.floor((place + far * along) / SIDE).astype(int)
+        if not (0 <= row < 20 and 0 <= column < 20):
+            return np.inf
+        if nearest[row, column] < 0:
+            continue
+        off, facing = others[0][nearest[row, column]] - place - far * along, others[1][nearest[row, column]]
+        in_line = abs(off @ normal) <= IN_LINE and abs(off @ along) <= SIDE
+        if in_line and abs(facing @ normal) >= PARALLEL * max(np.linalg.norm(facing), KNOWN):
+            return float(far)
+    return np.inf
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_stands_in_gaps_is_what_the_slow_twin_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    moving, still = random_walls(rng, 600, 0.0), random_walls(rng, 60, 0.7)
+    across = rng.choice([0.0, 0.5 * np.pi], 60)
+    still[1][:] = 0.9 * np.column_stack([np.cos(across), np.sin(across)])
+    moving[1][::2] = [1.0, 0.0]
+    at, reach = np.array([0.1, 0.2, 0.05]), float(DISTANCES[-1])
+    nearest = nearest_points(still[0], np.zeros(2), (20, 20), SIDE, reach)
+    counts, expected = np.zeros(3, dtype=np.int64), np.zeros(3)
+    stand_in_gaps(*moving[:2], at, nearest, still[3], np.zeros(2), SIDE, *still[:2], counts)
+    for place, own in zip(se2.transform(at, moving[0]), moving[1] @ se2.rotation(at[2]).T, strict=True):
+        column, row = np.floor(place / SIDE).astype(int)
+        if not (0 <= row < 20 and 0 <= column < 20) or not still[3][row, column]:
+            continue
+        k, size = nearest[row, column], float(np.linalg.norm(own))
+        if k >= 0 and np.linalg.norm(still[0][k] - place) < APART:
+            continue
+        if size <= KNOWN:
+            expected[0] += 1
+            continue
+        sides = [slow_goes_on(place, own / size, way, nearest, still[:2]) for way in (1, -1)]
+        expected[2 if sum(sides) <= WIDEST else min(np.isfinite(sides).sum(), 1)] += 1
+    np.testing.assert_array_equal(counts, expected)
+    assert counts.min() > 0
+
+
 def ground(points: Any, facing: Any, free: np.ndarray | None = None, weights: Any = 1.0) -> Ground:
     """Walls on a grid of 4 m by 4 m about the origin, of which nothing is free unless told."""
     points, nothing = np.array(points, dtype=float), np.zeros((40, 40), dtype=bool)
@@ -147,7 +201,7 @@ def test_one_point_by_hand(
         np.array([facing]) @ se2.rotation(back[2]).T,
         weights=weight,
     )
-    counts = tally(a, b, T)
+    counts = tally(a, b, T).counts
     way, distance = expected
     own = np.zeros((2, 3, 7), dtype=np.int64)
     own[kind, way, distance] = 1
@@ -160,7 +214,7 @@ def test_one_point_by_hand(
 def test_a_point_beside_a_wall_is_both_near_it_and_in_its_free_space() -> None:
     a = ground([[0.05, 0.05]], [NORTH], ABOVE)
     b = ground([[0.05, 0.27], [0.05, 0.16]], [NORTH, NORTH])
-    counts = tally(a, b, np.zeros(3))
+    counts = tally(a, b, np.zeros(3)).counts
     assert counts[STRAIGHT, BESIDE_A_WALL, 6] == 1  # 0.11 m off is still the wall
     np.testing.assert_array_equal(counts[STRAIGHT, SAME], [0, 0, 0, 2, 0, 1, 1])
 
@@ -176,8 +230,57 @@ def test_a_whole_tally_by_hand() -> None:
     expected[STRAIGHT, UNKNOWN, 0] = 1  # 0.01 m: b's second
     expected[LOOSE, UNKNOWN, 0] = 1  # a's second
     expected[STRAIGHT, IN_THE_OPEN, 6] = 1
-    np.testing.assert_array_equal(tally(a, b, T), expected)
-    np.testing.assert_array_equal(tally(b, a, se2.inverse(T)), expected)
+    np.testing.assert_array_equal(tally(a, b, T).counts, expected)
+    np.testing.assert_array_equal(tally(b, a, se2.inverse(T)).counts, expected)
+
+
+WALL = np.arange(-1.75, 1.8, 0.1)
+"""Along a wall, and where it is left open in a doorway of a metre."""
+DOOR = np.abs(WALL) < 0.5
+
+
+def wall(x: Array, y: float) -> Array:
+    return np.column_stack([x, np.full(len(x), y)])
+
+
+def test_a_door_that_is_closed_in_one_map_stands_in_a_gap_of_the_other() -> None:
+    """All of its points but those that the jambs may account for; in both directions, and turned."""
+    free = np.zeros((40, 40), dtype=bool)
+    free[17:24] = True
+    back = se2.inverse(T)
+    opened = ground(wall(WALL[~DOOR], 0.05), [NORTH] * int((~DOOR).sum()), free)
+    closed = ground(se2.transform(back, wall(WALL, 0.05)), [NORTH @ se2.rotation(back[2]).T] * len(WALL))
+    in_the_gap = int((np.abs(WALL) < 0.55 - APART).sum())
+    for found in (tally(opened, closed, T), tally(closed, opened, back)):
+        np.testing.assert_array_equal(found.gaps, [0, 0, in_the_gap])
+
+
+@pytest.mark.parametrize(
+    ("y", "facing", "expected"),
+    [
+        pytest.param(0.05, NORTH, 2, id="in line"),
+        pytest.param(0.05, SOUTH, 2, id="seen from the other side"),
+        pytest.param(0.45, NORTH, 0, id="in front of the wall"),
+        pytest.param(0.05, [1.0, 0.0], 0, id="across the doorway"),
+        pytest.param(0.05, NOWHERE, 0, id="facing nowhere"),
+    ],
+)
+def test_furniture_is_no_door(y: float, facing: list[float], expected: int) -> None:
+    """A point in the middle of a doorway, or in the room before it."""
+    free = np.ones((40, 40), dtype=bool)
+    opened = ground(wall(WALL[~DOOR], 0.05), [NORTH] * int((~DOOR).sum()), free)
+    gaps = tally(opened, ground([[0.0, y]], [facing]), np.zeros(3)).gaps
+    np.testing.assert_array_equal(gaps, np.eye(3)[expected])
+
+
+def test_where_a_wall_ends_there_is_no_gap() -> None:
+    """Nor where the next wall is farther than any door is wide."""
+    free = np.ones((40, 40), dtype=bool)
+    end, far = WALL < -0.5, np.abs(WALL) > 0.5 * WIDEST + 0.1
+    for stands in (end, far):
+        a = ground(wall(WALL[stands], 0.05), [NORTH] * int(stands.sum()), free)
+        gaps = tally(a, ground([[0.0, 0.05]], [NORTH]), np.zeros(3)).gaps
+        np.testing.assert_array_equal(gaps, [0, 1, 0])
 
 
 def test_likeness_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -186,20 +289,25 @@ def test_likeness_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     weights[0, 0, 0], weights[1, 2, 6], weights[0, 1, 3] = 0.5, -2.0, 7.0
     counts[0, 0, 0], counts[1, 2, 6], counts[1, 1, 1] = 16, 9, 100
     monkeypatch.setattr(stitch.likeness, "WEIGHTS", weights)
+    monkeypatch.setattr(stitch.likeness, "GAPS", np.array([1.0, 0.0, -4.0]))
     monkeypatch.setattr(stitch.likeness, "BIAS", -3.0)
-    assert likeness(counts) == pytest.approx(0.5 * 4.0 - 2.0 * 3.0 - 3.0)
-    assert likeness(0 * counts) == -3.0
+    found = likeness(Tally(counts, np.array([36, 100, 4])))
+    assert found == pytest.approx(0.5 * 4.0 - 2.0 * 3.0 + 6.0 - 8.0 - 3.0)
+    assert likeness(Tally(0 * counts, np.zeros(3))) == -3.0
 
 
 def test_what_was_learnt_is_sane() -> None:
-    """Walls that coincide speak for the same place, walls in free space against it; few do not suffice."""
+    """Walls that coincide speak for the same place; walls in free space speak against it, most of all where
+    the other has a door; few do not suffice."""
     same, against = np.zeros((2, 3, 7), dtype=np.int64), np.zeros((2, 3, 7), dtype=np.int64)
     same[STRAIGHT, SAME, :3] = 300
     against[STRAIGHT, IN_THE_OPEN, 6] = 300
-    nothing = 0 * same
-    assert likeness(same) > likeness(nothing) > likeness(against)
-    assert likeness(same) > likeness(same + against)
-    assert likeness(nothing) < 0.0
+    nothing, nowhere, doors = 0 * same, np.zeros(3), np.array([0, 0, 30])
+    assert likeness(Tally(same, nowhere)) > likeness(Tally(nothing, nowhere))
+    assert likeness(Tally(nothing, nowhere)) > likeness(Tally(against, nowhere))
+    assert likeness(Tally(same, nowhere)) > likeness(Tally(same + against, nowhere))
+    assert likeness(Tally(same, nowhere)) > likeness(Tally(same, doors))
+    assert likeness(Tally(nothing, nowhere)) < 0.0
     assert stitch.likeness.GUIDED > 0.0
 
 
@@ -229,13 +337,14 @@ def test_walls_face_who_saw_them(back_to_back: tuple[Walls, Walls, Walls]) -> No
 def test_walls_back_to_back_are_not_likened(back_to_back: tuple[Walls, Walls, Walls]) -> None:
     """The wall between two rooms coincides with itself to the millimetre; they are two places still."""
     first, behind, again = (Ground.of(walls) for walls in back_to_back)
-    apart, same = tally(first, behind, np.zeros(3)), tally(first, again, np.zeros(3))
+    apart, same = (tally(first, other, np.zeros(3)).counts for other in (behind, again))
     assert apart[:, OPPOSITE, :2].sum() > 120
     assert apart[:, SAME, :2].sum() < 0.1 * apart[:, OPPOSITE, :2].sum()
     assert same[:, OPPOSITE, :6].sum() < 0.05 * same[:, SAME, :6].sum()
     turned = apart.copy()
     turned[:, [SAME, OPPOSITE], :6] = apart[:, [OPPOSITE, SAME], :6]  # as if seen from the same side
-    assert likeness(same) > likeness(turned) > likeness(apart)
+    likely = [likeness(Tally(counts, np.zeros(3))) for counts in (same, turned, apart)]
+    assert likely == sorted(likely, reverse=True)
 
 
 def test_a_prior_adds_a_constant_and_takes_the_distance(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stitch.likeness import Tally
 from stitch.raster import Raster
 from stitch.result import Prior
 from stitch.verification import (
@@ -59,7 +60,7 @@ STANDING = Standing(
     odds=30.0,
     rivals=(2.5, 1.0),
     firmness=0.9,
-    counts=np.zeros((2, 3, 7), dtype=np.int64),
+    tally=Tally(np.zeros((2, 3, 7), dtype=np.int64), np.zeros(3, dtype=np.int64)),
     unlikely=0.0,
     guided=False,
 )

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import tyro
 
-from scenarios.ablate.study.stitching import PER_BUILDING, chosen, seeds_of
+from scenarios.ablate.study.stitching import chosen, seeds_of
 from scenarios.catalogue import CATALOGUE
 from scenarios.cli import BadInput
 from scenarios.sweep import Answer, Trial, check, finish, sweep
@@ -25,8 +25,9 @@ class Options:
     """Learn the weights of `stitch.likeness` from simulated pairs of submaps, and print them.
 
     Every alignment that the search of a pair leads to is an example, right or wrong within the limits of the
-    stitching study. Logistic regression on the square roots of the counts, with an L2 penalty; then the
-    constant that a prior adds.
+    stitching study. Furniture is moved in every building, in two of three besides the pairs in which it is
+    not. Logistic regression on the square roots of the counts, with an L2 penalty; then the constant that a
+    prior adds.
     """
 
     scenarios: str = "hospital,beehive,office_smoke,two_drives"
@@ -67,25 +68,29 @@ def run(options: Options) -> None:
     free, told = Examples.together(alone), Examples.together(guided)
     if not free.right.any() or free.right.all():
         raise BadInput(f"--seeds {options.seeds}: expected right and wrong alignments, found one kind only")
-    weights, bias = fit(free)
+    weights, gaps, bias = fit(free)
+    by_prior = fit_guided(told, weights, gaps, bias)
     print(f"{len(free.right)} alignments without a prior, {free.right.sum()} of them right")
     print(f"{len(told.right)} alignments with a prior, {told.right.sum()} of them right\n")
-    table = np.array2string(weights, precision=2, separator=", ", suppress_small=True, floatmode="fixed")
-    print(
-        f"WEIGHTS = np.array(\n{table}\n)\nBIAS, GUIDED = {bias:.2f}, {fit_guided(told, weights, bias):.2f}"
-    )
+    print(f"WEIGHTS = np.array(\n{_literal(weights)}\n)\nGAPS = np.array({_literal(gaps)})")
+    print(f"BIAS, GUIDED = {bias:.2f}, {by_prior:.2f}")
     finish(swept, store)
+
+
+def _literal(numbers: np.ndarray) -> str:
+    """Numbers as Python reads them."""
+    return np.array2string(numbers, precision=2, separator=", ", suppress_small=True, floatmode="fixed")
 
 
 def examples(trial: Trial, nothing: None) -> Answer:
     """Alignments of all pairs of a building, without a prior and with one, as the payload."""
     from scenarios.ablate.examples import Examples
-    from scenarios.ablate.pairs import harvest
+    from scenarios.ablate.harvesting import both_ways
     from scenarios.ablate.trial import drawn_prior
     from stitch.config import AlignConfig
 
     alone, guided = [], []
-    for k, pair in enumerate(harvest(CATALOGUE[trial.scenario], trial.seed, PER_BUILDING).pairs):
+    for k, pair in enumerate(chain(*both_ways(trial.scenario, trial.seed))):
         rng = np.random.default_rng([pair.seed, zlib.crc32(pair.scenario.encode()), 4, k])
         alone.append(Examples.of_pair(pair, None, AlignConfig()))
         guided.append(Examples.of_pair(pair, drawn_prior(pair.T_a_b, rng), AlignConfig()))
