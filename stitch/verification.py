@@ -29,7 +29,7 @@ class Acceptance:
     min_open: float = 3.0
     min_lead: float = 1.0
     max_rivalry: float = 0.5
-    min_belief: float = -0.5
+    min_belief: float = 0.0
     max_innovation: float = 16.27
 
 

@@ -15,7 +15,7 @@ from stitch.config import AlignConfig
 from stitch.joint import Scene, shown, tops
 from stitch.raster import walls_of
 
-HIDDEN = 24
+HIDDEN = 48
 """Units of the hidden layer."""
 RIDGE = 10.0
 """Weight of half the squared sum of the weights, beside the sum of the log-losses."""

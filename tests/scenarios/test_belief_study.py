@@ -125,7 +125,7 @@ def test_the_command_writes_a_network(
     assert asked == [("beehive", seed, length) for length in LENGTHS for seed in (200, 201)]
     with np.load(written) as stored:
         network = Network(**stored)
-    assert network.inner.shape == (39, 24)
+    assert network.inner.shape == (39, 48)
     assert "learnt from 12 alignments, 8 of them right" in printed.out
     assert printed.out.count("with prior") == 8
 
