@@ -36,7 +36,7 @@ class Options:
 
     scenarios: str = "hospital,beehive,office_smoke,two_drives,twin_rooms"
     """Scenarios of the catalogue, with commas between."""
-    seeds: str = "200-231"
+    seeds: str = "200-263"
     """Seeds: first-last, or numbers with commas between; 100 and above, two or more."""
     network: Path = Path("belief.npz")
     """The file to write; the package reads the one in its folder stitch."""
