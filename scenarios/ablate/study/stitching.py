@@ -45,7 +45,7 @@ class Options:
     """Methods by name, with commas between; all without a name."""
     scenarios: str = "hospital,beehive,office_smoke,two_drives,twin_rooms"
     """Scenarios of the catalogue, with commas between; twin_rooms has a bin of its own."""
-    seeds: str = "0-9"
+    seeds: str = "0-19"
     """Seeds: first-last, or numbers with commas between; more are used only while a bin is not full."""
     length: Annotated[tuple[float, float], tyro.conf.arg(metavar="SHORTEST LONGEST")] = (30.0, 60.0)
     """Metres of drive that make a submap; those of 30–60 m are of about 30 × 20 m."""
