@@ -19,21 +19,22 @@ import numpy as np
 from scenarios.evaluation import evaluate
 from scenarios.evaluation.maps import map_at
 from scenarios.evaluation.trajectory import aligned
-from scenarios.methods import METHODS, backbone
+from scenarios.methods import METHODS
 from scenarios.methods.config import MethodConfig
 from sim.floorplan import Door, cupboard, desk, wall
 from sim.record import Setup, simulate
 from sim.terrain import Terrain
 from sim.world import World
 from slam import se2
-from slam.frontend import FrontendConfig, track
-from slam.posegraph import informations, marginals, optimise
+from slam.graph.pose_graph import informations, marginals, optimise
+from slam.mapping.submap import cut
+from slam.odometry.segmentation import SegmentationConfig, segments
+from slam.odometry.track import Verdict
+from slam.odometry.tracker import FrontendConfig, track
 from slam.scan import scans_of
-from slam.segmentation import SegmentationConfig, segments
-from slam.submap import cut
-from slam.track import Verdict
 from stitch import align
 from stitch.align import Stitch
+from stitch.mapping import backbone
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from scenarios.cli import BadInput, main
+from slam.cli import InputError, main
 
 if TYPE_CHECKING:
     from slam.recording import Recording, Relations
@@ -39,22 +39,22 @@ class Options:
 def run(options: Options) -> None:
     """Obtain the recording, write it, and say what was written on stdout."""
     if options.seed < 0:
-        raise BadInput(f"--seed: expected 0 or more, got {options.seed}")
+        raise InputError(f"--seed: expected 0 or more, got {options.seed}")
     if not options.out.parent.is_dir():
-        raise BadInput(f"{options.out.parent}: no such folder")
+        raise InputError(f"{options.out.parent}: no such folder")
     if options.out.exists():
-        raise BadInput(f"{options.out}: exists already, expected a new name")
+        raise InputError(f"{options.out}: exists already, expected a new name")
     recording = obtain(options.recording, options.seed)
     try:
         written = write(recording, options.format, options.out)
     except (ValueError, OSError) as error:  # beams the format cannot say, a disk that is full
-        raise BadInput(str(error)) from error
+        raise InputError(str(error)) from error
     for path in written:
         print(path)
 
 
 def obtain(target: str, seed: int) -> Recording:
-    """The recording, simulated or read. Raises `BadInput`."""
+    """The recording, simulated or read. Raises `InputError`."""
     from scenarios import source
 
     if source.is_scenario(target):

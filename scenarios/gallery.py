@@ -10,7 +10,7 @@ from typing import Annotated
 from tyro.conf import arg
 
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput, main, nearest
+from slam.cli import InputError, main, nearest
 
 COMMAND = "scenarios.gallery"
 DPI = 110
@@ -35,13 +35,13 @@ def run(options: Options) -> None:
     names = [name.strip() for name in options.scenarios.split(",") if name.strip()]
     for name in names:
         if name not in CATALOGUE:
-            raise BadInput(f"unknown scenario {name!r}: {nearest(name, CATALOGUE)}")
+            raise InputError(f"unknown scenario {name!r}: {nearest(name, CATALOGUE)}")
     if options.seed < 0:
-        raise BadInput(f"--seed: expected 0 or more, got {options.seed}")
+        raise InputError(f"--seed: expected 0 or more, got {options.seed}")
     try:
         options.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise BadInput(f"--out {options.out}: cannot be written: {error.strerror}") from error
+        raise InputError(f"--out {options.out}: cannot be written: {error.strerror}") from error
     for name in names:
         path = options.out / f"{name}.png"
         path.write_bytes(picture(name, options.seed))

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import POSE, BadInput, Pose, main, nearest
 from scenarios.methods import FAIR, METHODS, ONLINE, REHEARSED_AS, answer
+from slam.cli import POSE, InputError, Pose, main, nearest
 
 if TYPE_CHECKING:
-    from scenarios.estimate import Estimate, NoEstimate
     from scenarios.evaluation import Metric
     from scenarios.methods.config import MethodConfig
     from scenarios.run_folder import Run
     from scenarios.source import Source
     from scenarios.stages import Stages
     from slam.recording import Recording
+    from stitch.mapping.estimate import Estimate, NoEstimate
 
 COMMAND = "scenarios.run"
 
@@ -106,33 +106,33 @@ def run(options: Options) -> None:
 
 
 def checked(options: Options) -> tuple[list[str], str]:
-    """The methods to run, and the name of the run's folder. Raises `BadInput`."""
+    """The methods to run, and the name of the run's folder. Raises `InputError`."""
     from scenarios.source import is_map, is_scenario
 
     if not options.recording:
-        raise BadInput(f"expected a scenario or a log; scenarios: {', '.join(CATALOGUE)}")
+        raise InputError(f"expected a scenario or a log; scenarios: {', '.join(CATALOGUE)}")
     if options.seed < 0:
-        raise BadInput(f"--seed: expected 0 or more, got {options.seed}")
+        raise InputError(f"--seed: expected 0 or more, got {options.seed}")
     methods = [name.strip() for name in options.methods.split(",") if name.strip()]
     methods += [ONLINE] if options.online else []
     for name in methods:
         if name not in METHODS:
-            raise BadInput(f"unknown method {name!r}: {nearest(name, METHODS)}")
+            raise InputError(f"unknown method {name!r}: {nearest(name, METHODS)}")
     if not methods:
-        raise BadInput(f"--methods: expected one or more of {', '.join(METHODS)}")
+        raise InputError(f"--methods: expected one or more of {', '.join(METHODS)}")
     simulates = is_scenario(options.recording)
     if simulates and (options.relations or options.laser_mount):
-        raise BadInput("--relations and --laser-mount are for logs: a scenario knows its own truth")
+        raise InputError("--relations and --laser-mount are for logs: a scenario knows its own truth")
     if options.dead_reckoning and not simulates:
-        raise BadInput("--dead-reckoning is for simulated robots: a log has what it has")
+        raise InputError("--dead-reckoning is for simulated robots: a log has what it has")
     if options.start and not (simulates and is_map(options.recording)):
-        raise BadInput("--start is for ROS maps: scenarios and logs have a start of their own")
+        raise InputError("--start is for ROS maps: scenarios and logs have a start of their own")
     name = Path(options.recording).name.split(".")[0]
     return list(dict.fromkeys(methods)), f"{name}-seed{options.seed}"
 
 
 def with_matcher(config: MethodConfig, name: str) -> MethodConfig:
-    """The settings with another scan matcher in slamstitch's front end. Raises `BadInput`."""
+    """The settings with another scan matcher in slamstitch's front end. Raises `InputError`."""
     from slam.matching.registry import named
 
     if not name:
@@ -140,7 +140,7 @@ def with_matcher(config: MethodConfig, name: str) -> MethodConfig:
     try:
         return replace(config, frontend=replace(config.frontend, method=named(name)))
     except ValueError as error:
-        raise BadInput(f"--matcher: {error}") from error
+        raise InputError(f"--matcher: {error}") from error
 
 
 def obtain(options: Options, stages: Stages) -> Source:
@@ -160,7 +160,7 @@ def obtain(options: Options, stages: Stages) -> Source:
 
 def _obtain(options: Options, stages: Stages) -> Source:
     from scenarios import source
-    from slam.mount import is_unstated
+    from slam.odometry.laser_mount import is_unstated
 
     if source.is_scenario(options.recording):
         tell_of_compilation(stages)
@@ -213,12 +213,12 @@ def estimate(
 
 
 def with_answer(answers: Sequence[Estimate | NoEstimate]) -> list[Estimate]:
-    """The answers that are some. Raises `BadInput` where there is none, with every method's reason."""
-    from scenarios.estimate import Estimate
+    """The answers that are some. Raises `InputError` where there is none, with every method's reason."""
+    from stitch.mapping.estimate import Estimate
 
     found = [one for one in answers if isinstance(one, Estimate)]
     if not found:
-        raise BadInput(
+        raise InputError(
             "; ".join(f"{one.method}: {one.reason}" for one in answers if not isinstance(one, Estimate))
         )
     return found
@@ -226,8 +226,8 @@ def with_answer(answers: Sequence[Estimate | NoEstimate]) -> list[Estimate]:
 
 def costs(answers: Sequence[Estimate | NoEstimate], recording: Recording, stages: Stages) -> list[Metric]:
     """Wall time and memory of every method that ran here and had an answer."""
-    from scenarios.estimate import NoEstimate
     from scenarios.evaluation import COST, cost, missing
+    from stitch.mapping.estimate import NoEstimate
 
     metrics: list[Metric] = []
     for one in answers:

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput, Pose, nearest
+from slam.cli import InputError, Pose, nearest
 
 if TYPE_CHECKING:
-    from scenarios.estimate import Estimate
     from sim.record import Buildable, DeadReckoning, SimulatedRun
-    from slam.mount import Mount
+    from slam.odometry.laser_mount import Mount
     from slam.recording import Recording
+    from stitch.mapping.estimate import Estimate
 
 MAP_SUFFIXES = (".yaml", ".yml")
 """A ROS map is named after its yaml file."""
@@ -36,15 +36,15 @@ class Source:
 def is_scenario(target: str) -> bool:
     """True when ``target`` is simulated: a scenario's name or a ROS map, not a log.
 
-    Raises `BadInput` for a name that is none of them, with the nearest scenario.
+    Raises `InputError` for a name that is none of them, with the nearest scenario.
     """
     if target in CATALOGUE:
         return True
     if os.path.exists(target):
         return is_map(target)
     if Path(target).suffix or len(Path(target).parts) > 1:
-        raise BadInput(f"{target}: no such file, expected a recording or a ROS map")
-    raise BadInput(f"unknown scenario {target!r}: {nearest(target, CATALOGUE)}")
+        raise InputError(f"{target}: no such file, expected a recording or a ROS map")
+    raise InputError(f"unknown scenario {target!r}: {nearest(target, CATALOGUE)}")
 
 
 def is_map(target: str) -> bool:
@@ -58,7 +58,7 @@ def simulated(
     """A drive through a scenario of the catalogue or a ROS map; of its settings all but the world itself.
 
     ``start`` is where a drive through a map begins; None: drawn. ``dead_reckoning`` overrides the scenario's
-    choice. Raises `BadInput` for a map that cannot be read or driven through.
+    choice. Raises `InputError` for a map that cannot be read or driven through.
     """
     from sim.record import simulate
 
@@ -78,7 +78,7 @@ def _scenario(target: str, start: Pose | None) -> Buildable:
 def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
     """A recording from a log, with relations to score it against and the laser mount the user may know.
 
-    Answers of other systems are read where they lie beside the log. Raises `BadInput` for files that cannot
+    Answers of other systems are read where they lie beside the log. Raises `InputError` for files that cannot
     be read and for relations that match nothing.
     """
     import numpy as np
@@ -90,13 +90,13 @@ def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
         recording = load(path, relations)
         published = _published(path, len(recording))
     except FormatError as error:
-        raise BadInput(str(error)) from error
+        raise InputError(str(error)) from error
     if mount is not None:
         recording = recording.with_laser_mount(np.array(mount))
     try:
         relation_pairs(recording)
     except ValueError as error:
-        raise BadInput(f"{relations or path}: {error}") from error
+        raise InputError(f"{relations or path}: {error}") from error
     return Source(recording, {}, published)
 
 
@@ -106,9 +106,10 @@ def with_estimated_mount(found: Source) -> tuple[Source, Mount | None]:
     As it was, with None, where the drive tells of none. Published answers, made with the laser for the robot,
     become the robot's.
     """
-    from slam import frontend, mount, se2
+    from slam import se2
+    from slam.odometry import laser_mount, tracker
 
-    known = mount.estimate(found.recording, frontend.track(found.recording))
+    known = laser_mount.estimate(found.recording, tracker.track(found.recording))
     if known is None:
         return found, None
     T_laser_robot = se2.inverse(known.T_robot_laser)
@@ -119,8 +120,8 @@ def with_estimated_mount(found: Source) -> tuple[Source, Mount | None]:
 
 def _published(path: Path, scans: int) -> tuple[Estimate, ...]:
     """Other systems' answers beside a log: for ``intel.raw.log.gz`` there is ``intel.gmapping_ref.txt``."""
-    from scenarios.estimate import Estimate
     from slam.formats import peer
+    from stitch.mapping.estimate import Estimate
 
     stem = glob.escape(path.name.split(".")[0])
     files = sorted(path.parent.glob(f"{stem}.*_ref.txt"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.floorplan import WALL_HEIGHT, Prism, box
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 
 TOLERANCE = 0.75

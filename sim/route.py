@@ -10,7 +10,7 @@ from scipy.ndimage import label, uniform_filter1d
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 
 MARGIN = 0.06
@@ -27,7 +27,7 @@ LEAST_DRIVE = 1.0
 """A route that never gets this far from its start [m] is none."""
 
 
-class NoRoute(ValueError):  # noqa: N818
+class NoRouteError(ValueError):
     """Nobody can drive here; the message says why, in one line."""
 
 
@@ -60,10 +60,10 @@ def plan(
     """Waypoints ``(K, 2)`` m for a robot of this ``radius`` m: through places far from each other, home, and
     once more to all of them, in the same order or the other way round.
 
-    ``start`` (x, y) m is drawn where it is None. Raises `NoRoute`.
+    ``start`` (x, y) m is drawn where it is None. Raises `NoRouteError`.
     """
     if not np.any(grid.free):
-        raise NoRoute("no free space, expected free cells to drive in")
+        raise NoRouteError("no free space, expected free cells to drive in")
     room = clearance(grid)
     if start is not None:
         _check_start(grid, room, start, radius)
@@ -84,14 +84,16 @@ def _check_start(grid: Grid, room: Array, start: tuple[float, float], radius: fl
     where = f"start ({x:g}, {y:g})"
     if not (0 <= row < grid.free.shape[0] and 0 <= column < grid.free.shape[1]):
         x0, x1, y0, y1 = grid.extent
-        raise NoRoute(f"{where} is outside of the map, expected x in {x0:g}..{x1:g} and y in {y0:g}..{y1:g}")
+        raise NoRouteError(
+            f"{where} is outside of the map, expected x in {x0:g}..{x1:g} and y in {y0:g}..{y1:g}"
+        )
     if grid.occupied[row, column]:
-        raise NoRoute(f"{where} is inside a wall, expected free space")
+        raise NoRouteError(f"{where} is inside a wall, expected free space")
     if not grid.free[row, column]:
-        raise NoRoute(f"{where} is in unknown space, expected free space")
+        raise NoRouteError(f"{where} is in unknown space, expected free space")
     if room[row, column] < radius:
         need = f"expected at least the robot's radius of {radius:.2f} m"
-        raise NoRoute(f"{where} is {room[row, column]:.2f} m from what is not free, {need}")
+        raise NoRouteError(f"{where} is {room[row, column]:.2f} m from what is not free, {need}")
 
 
 def _roads(grid: Grid, room: Array, radius: float, start: tuple[float, float] | None) -> _Roads:
@@ -105,7 +107,9 @@ def _roads(grid: Grid, room: Array, radius: float, start: tuple[float, float] | 
     fits = sampled >= radius + min(MARGIN, 0.75 * stride * grid.resolution)
     if not np.any(fits):
         widest = f"the widest free place is {2.0 * room.max():.2f} m across"
-        raise NoRoute(f"no place where the robot fits: {widest}, expected {2.0 * (radius + MARGIN):.2f} m")
+        raise NoRouteError(
+            f"no place where the robot fits: {widest}, expected {2.0 * (radius + MARGIN):.2f} m"
+        )
     regions, _ = label(fits, structure=np.ones((3, 3)))
     rows, columns = np.nonzero(fits)
     cells = stride * np.stack([columns, rows], -1) + stride // 2
@@ -159,7 +163,7 @@ def _stops(roads: _Roads, home: int, rng: np.random.Generator) -> tuple[list[int
         stops.append(int(candidates[rng.integers(len(candidates))]))
     if len(stops) == 1:
         span = f"gets no further than {far:.2f} m from its start"
-        raise NoRoute(f"no room to drive: the robot {span}, expected at least {LEAST_DRIVE:g} m")
+        raise NoRouteError(f"no room to drive: the robot {span}, expected at least {LEAST_DRIVE:g} m")
     return stops, np.array(distances)[:, stops], np.array(before)
 
 

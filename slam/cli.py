@@ -18,11 +18,11 @@ from tyro.constructors import PrimitiveConstructorSpec
 Options = TypeVar("Options")
 
 
-class BadInput(ValueError):  # noqa: N818
+class InputError(ValueError):
     """What the user gave cannot be used; the message is one line that says what was expected."""
 
 
-class Refused(Exception):  # noqa: N818
+class RefusedError(Exception):
     """There is no answer that could be believed; the message is the reason, in one line."""
 
 
@@ -37,9 +37,9 @@ def main(options: type[Options], command: str, run: Callable[[Options], None]) -
     try:
         run(parse(options, command))
         sys.stdout.flush()
-    except (BadInput, Refused) as error:
+    except (InputError, RefusedError) as error:
         print(f"{command}: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2 if isinstance(error, BadInput) else 3
+        return 2 if isinstance(error, InputError) else 3
     except KeyboardInterrupt:
         print(f"{command}: interrupted", file=sys.stderr)
         return 130
@@ -50,7 +50,7 @@ def main(options: type[Options], command: str, run: Callable[[Options], None]) -
 
 
 def parse(options: type[Options], command: str) -> Options:
-    """The command line as ``options``. Raises `BadInput` where tyro would draw a box over several lines."""
+    """The command line as ``options``. Raises `InputError` where tyro would draw a box over several lines."""
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
@@ -63,9 +63,9 @@ def parse(options: type[Options], command: str) -> Options:
     except SystemExit as stop:
         if not stop.code:  # --help
             raise
-        raise BadInput(_first_paragraph(complaint.getvalue())) from None
+        raise InputError(_first_paragraph(complaint.getvalue())) from None
     if unknown:
-        raise BadInput(_not_understood(unknown[0], options))
+        raise InputError(_not_understood(unknown[0], options))
     return parsed
 
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from slam.cli import POSE, BadInput, Pose, Refused, main
-from stitch.config import AlignConfig, Method
+from slam.cli import POSE, InputError, Pose, RefusedError, main
+from stitch.alignment.config import AlignConfig, Method
 
 if TYPE_CHECKING:
+    from slam.mapping.submap import Submap
     from slam.se2 import Array
-    from slam.submap import Submap
-    from stitch.result import Prior
+    from stitch.alignment.result import Prior
 
 COMMAND = "stitch"
 PRIOR_SIGMA = (1.0, 1.0, math.radians(10.0))
@@ -58,34 +58,34 @@ def run(options: Options) -> None:
 
 
 def check(options: Options) -> None:
-    """See that the options make sense together. Raises `BadInput`."""
+    """See that the options make sense together. Raises `InputError`."""
     count = len(options.maps)
     if count < 2:
-        raise BadInput(f"expected two maps, NAME.yaml each, got {count}")
+        raise InputError(f"expected two maps, NAME.yaml each, got {count}")
     if count > 2 and not options.all:
-        raise BadInput(f"expected two maps, got {count}: with --all any number of them is joined")
+        raise InputError(f"expected two maps, got {count}: with --all any number of them is joined")
     for path in options.maps:
         if path.suffix.lower() in (".pgm", ".png"):
-            raise BadInput(f"{path}: is an image, expected the map's yaml")
+            raise InputError(f"{path}: is an image, expected the map's yaml")
     if options.prior_sigma and not options.prior:
-        raise BadInput("--prior-sigma is for a --prior: there is none")
+        raise InputError("--prior-sigma is for a --prior: there is none")
     if options.prior and options.all:
-        raise BadInput("--prior is for two maps, not for --all")
+        raise InputError("--prior is for two maps, not for --all")
     if options.all and options.method != "joint":
-        raise BadInput(f"--all asks how sure every stitch is: expected --method joint, got {options.method}")
+        raise InputError(f"--all needs covariances: expected --method joint, got {options.method}")
     if options.prior and abs(options.prior[2]) > 2.0 * math.pi:
-        raise BadInput(f"--prior: a yaw of {options.prior[2]:g} is more than a turn, expected radians")
+        raise InputError(f"--prior: a yaw of {options.prior[2]:g} is more than a turn, expected radians")
     if options.out:
-        from stitch import output
+        from stitch.command import output
 
         output.check(options.out)
 
 
 def read(options: Options) -> list[Submap]:
-    """The maps as submaps. Raises `BadInput`."""
+    """The maps as submaps. Raises `InputError`."""
     from slam.formats import FormatError
-    from stitch import output
-    from stitch.maps import check_size, read_submap
+    from stitch.command import output
+    from stitch.command.maps import check_size, read_submap
 
     try:
         submaps = [read_submap(path) for path in options.maps]
@@ -93,7 +93,7 @@ def read(options: Options) -> list[Submap]:
         if options.out:
             output.check_inputs(options.out, options.maps)
     except FormatError as error:
-        raise BadInput(str(error)) from error
+        raise InputError(str(error)) from error
     return submaps
 
 
@@ -109,12 +109,12 @@ def config(options: Options, submaps: list[Submap]) -> AlignConfig:
 
 
 def join_two(options: Options, a: Submap, b: Submap) -> None:
-    """Stitch b to a. Raises `Refused` where that is not sure."""
+    """Stitch b to a. Raises `RefusedError` where that is not sure."""
     import numpy as np
 
     from stitch.align import NoStitch, Stitch, align
-    from stitch.answer import as_json, as_text, in_words
-    from stitch.frames import between_maps
+    from stitch.command.answer import as_json, as_text, in_words
+    from stitch.command.frames import between_maps
 
     name_a, name_b = map(str, options.maps)
     answer = align(a, b, prior(options, a, b), config(options, [a, b]))
@@ -126,18 +126,18 @@ def join_two(options: Options, a: Submap, b: Submap) -> None:
         print(json.dumps(as_json(told), indent=2))
     if isinstance(told, NoStitch):
         best = "" if told.best is None else f"; the best candidate was {in_words(told.best.T_a_b)}"
-        raise Refused(f"not sure: {told.reason}{best}")
+        raise RefusedError(f"not sure: {told.reason}{best}")
     if options.format == "text":
         print(as_text(told, name_a, name_b), *written, sep="\n")
 
 
 def join_all(options: Options, submaps: list[Submap]) -> None:
-    """Stitch every pair and let a pose graph settle. Raises `Refused` where nothing joins the first map."""
+    """Stitch every pair and optimise the graph. Raises `RefusedError` where none joins the first map."""
     from stitch.align import align
-    from stitch.answer import in_words, network_json
-    from stitch.frames import network_of_maps
-    from stitch.network import join
-    from stitch.table import print_pairs
+    from stitch.command.answer import in_words, network_json
+    from stitch.command.frames import network_of_maps
+    from stitch.command.map_graph import join
+    from stitch.command.table import print_pairs
 
     names = [str(path) for path in options.maps]
     settings = config(options, submaps)
@@ -149,7 +149,7 @@ def join_all(options: Options, submaps: list[Submap]) -> None:
     else:
         print_pairs(names, told.results, told.trusted)
     if len(members) < 2:
-        raise Refused(f"not sure: no map could be joined to {names[0]}")
+        raise RefusedError(f"not sure: no map could be joined to {names[0]}")
     if options.format == "text":
         places = [f"{names[k]}: {in_words(T)}" for k, T in zip(members, told.poses, strict=True)]
         print(f"In the frame of {names[0]}:", *places, *written, sep="\n")
@@ -158,17 +158,17 @@ def join_all(options: Options, submaps: list[Submap]) -> None:
 
 
 def prior(options: Options, a: Submap, b: Submap) -> Prior | None:
-    """What the user knows, between the submaps' anchors. Raises `BadInput`."""
+    """What the user knows, between the submaps' anchors. Raises `InputError`."""
     import numpy as np
 
-    from stitch.frames import prior_between
+    from stitch.command.frames import prior_between
 
     if options.prior is None:
         return None
     try:
         return prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
     except ValueError as error:
-        raise BadInput(f"--prior-sigma: {error}") from error
+        raise InputError(f"--prior-sigma: {error}") from error
 
 
 def write(options: Options, members: Sequence[int], submaps: list[Submap], poses: Array) -> list[Path]:
@@ -177,8 +177,8 @@ def write(options: Options, members: Sequence[int], submaps: list[Submap], poses
     ``poses (M, 3)`` are those of the maps ``members`` in the frame of the first map.
     """
     from slam import se2
-    from stitch import output, picture
-    from stitch.merge import canvas, merged, placed
+    from stitch.command import output, picture
+    from stitch.command.merge import canvas, merged, placed
 
     if options.out is None:
         return []
@@ -191,7 +191,7 @@ def write(options: Options, members: Sequence[int], submaps: list[Submap], poses
     try:
         onto = canvas(grids, T_first, resolution)
     except ValueError as error:
-        raise BadInput(str(error)) from error
+        raise InputError(str(error)) from error
     whole = merged([placed(grid, T, onto) for grid, T in zip(grids, T_first, strict=True)])
     drawing = picture.draw(labels([options.maps[k] for k in members]), grids, T_first, resolution)
     T_map_anchor = submaps[0].anchor

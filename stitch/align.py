@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from slam.submap import Submap
-from stitch.carpin import align_carpin
-from stitch.censi import align_censi
-from stitch.config import AlignConfig, Method
-from stitch.features import align_features
-from stitch.htms import align_htms
-from stitch.joint import align_joint
-from stitch.result import Alternative, NoStitch, Prior, Stitch
+from slam.mapping.submap import Submap
+from stitch.alignment.config import AlignConfig, Method
+from stitch.alignment.joint import align_joint
+from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
+from stitch.published.carpin import align_carpin
+from stitch.published.censi import align_censi
+from stitch.published.features import align_features
+from stitch.published.htms import align_htms
 
 __all__ = ["AlignConfig", "Alternative", "NoStitch", "Prior", "Stitch", "align"]
 
@@ -34,8 +34,8 @@ def align(
 
     ``config.method`` is one of `METHODS`. With "joint" rotations come from Hough spectra (Carpin 2008) or
     from around the prior, translations from a joint correlation that penalises walls in free space, and an
-    answer is only given when it stands the tests of `stitch.verification.Acceptance`. The others are what was
-    there before; each tells in its own file when it refuses. None of them has a covariance. All are
-    deterministic.
+    answer is only given when it passes `stitch.alignment.verification.Acceptance`. The others are the
+    methods of the literature; each tells in its own file when it refuses. None of them has a covariance.
+    All are deterministic.
     """
     return METHODS[config.method](a, b, prior, config)

@@ -16,23 +16,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.cli import main
-from scenarios.methods import online
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.loops import LoopConfig
 from scenarios.run import COMMAND, Options, run
-from slam.bundle import BundleConfig
-from slam.combination import BIAS, WEIGHTS
-from slam.confidence import MEASURES
+from slam.cli import main
 from slam.formats import carmen, load, ros_map
-from slam.frontend import FrontendConfig
+from slam.mapping.occupancy import Grid
 from slam.matching import MATCHERS
-from slam.occupancy import Grid
+from slam.odometry.combination import BIAS, WEIGHTS
+from slam.odometry.confidence import MEASURES
+from slam.odometry.tracker import FrontendConfig
 from slam.recording import Laser, Recording
-from stitch import likeness
 from stitch.align import Stitch
-from stitch.belief import Network
-from stitch.config import AlignConfig
+from stitch.alignment import likelihood
+from stitch.alignment.acceptance import Network
+from stitch.alignment.config import AlignConfig
+from stitch.mapping import online
+from stitch.mapping.bundle import BundleConfig
+from stitch.mapping.loop_closure import LoopConfig
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -185,7 +185,7 @@ def stated() -> Iterator[tuple[str, str]]:
     yield "segmentation.md", f"fewer than {MethodConfig().segmentation.least_steps} matched steps"
     yield "stitching.md", f"λ = {align.free_penalty:.0f} (maps that agree)"
     yield "stitching.md", f"λ = {align.lenient_penalty:.0f} (bent maps, moved furniture)"
-    yield "stitching.md", f"{likeness.BIAS:.2f} (+ {likeness.GUIDED:.2f}".replace("-", "− ")
+    yield "stitching.md", f"{likelihood.BIAS:.2f} (+ {likelihood.GUIDED:.2f}".replace("-", "− ")
     yield "stitching.md", f"{len(Network.learnt().mean)} numbers"
     yield "stitching.md", f"{len(Network.learnt().offset)} tanh units"
     yield "stitching.md", f"overlap ≥ {accept.min_overlap:g} m², ≥ {accept.min_open:g} m² free in both"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from scenarios.ablate.study import STUDIES, study
-from scenarios.cli import main, nearest
+from slam.cli import main, nearest
 
 COMMAND = "scenarios.ablate"
 

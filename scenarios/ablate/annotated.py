@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.cli import BadInput
 from slam import se2
-from slam.occupancy import Grid
+from slam.cli import InputError
+from slam.mapping.occupancy import Grid
+from slam.mapping.submap import Submap
 from slam.se2 import Array
-from slam.submap import Submap
 
 RESOLUTION = 0.05
 """Metres to a pixel of the maps, which do not tell."""
@@ -89,12 +89,12 @@ def read_map(path: Path, resolution: float = RESOLUTION, walls_only: bool = Fals
     """
     import cv2
 
-    from stitch.maps import cropped
-    from stitch.walls import surfaces
+    from stitch.alignment.walls import surfaces
+    from stitch.command.maps import cropped
 
     grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if grey is None:
-        raise BadInput(f"{path}: expected a picture")
+        raise InputError(f"{path}: expected a picture")
     grey = np.ascontiguousarray(grey[::-1])
     free = np.zeros(grey.shape, dtype=bool) if walls_only else grey >= OPEN
     grid = cropped(Grid(grey <= WALL, free, np.zeros(2), resolution))

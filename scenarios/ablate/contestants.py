@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.loops import BackEnd
+from stitch.mapping.loop_closure import BackEnd
 
 OURS = "slamstitch"
 DEFAULT_BACK_END: BackEnd = "gnc"

@@ -11,12 +11,12 @@ import numpy as np
 from scenarios.ablate.pairs import Pair
 from scenarios.ablate.trial import is_right
 from slam.se2 import Array
-from stitch.config import AlignConfig
-from stitch.joint import Scene, tops
-from stitch.likeness import tally
-from stitch.raster import walls_of
-from stitch.refinement import prior_penalty
-from stitch.result import Prior
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.joint import Scene, tops
+from stitch.alignment.likelihood import tally
+from stitch.alignment.raster import walls_of
+from stitch.alignment.refinement import prior_penalty
+from stitch.alignment.result import Prior
 
 SPREAD = 0.1
 """Added to the spread of a feature, so that rare ones are not given large weights."""
@@ -26,8 +26,8 @@ SPREAD = 0.1
 class Examples:
     """Alignments of pairs of maps.
 
-    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.likeness.Tally`; ``unlikely (n,)``: what the prior
-    takes off the log-odds, 0 without one; ``right (n,)`` bool, by the truth.
+    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.Tally`; ``unlikely (n,)``:
+    what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by the truth.
     """
 
     counts: Array
@@ -77,8 +77,8 @@ class Examples:
 
 
 def fit(examples: Examples) -> tuple[Array, Array, float]:
-    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of `stitch.likeness.likeness`, from examples
-    without a prior.
+    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of `stitch.alignment.likelihood.likeness`, from
+    examples without a prior.
 
     Logistic regression on the square roots of the counts, each divided by its spread, with a unit normal
     prior on the weights.

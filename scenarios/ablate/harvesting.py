@@ -15,7 +15,7 @@ from scenarios.ablate.study.stitching import PER_BUILDING, PER_TWIN_BUILDING, WI
 from scenarios.ablate.trial import Row, Variant, attempt
 from scenarios.catalogue import CATALOGUE
 from scenarios.sweep import Answer, Failure, Swept, Trial
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from stitch.align import AlignConfig, align
 
 PAIRS = "pairs"

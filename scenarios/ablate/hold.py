@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from slam import se2
+from slam.mapping.submap import Submap
 from slam.se2 import Array
-from slam.submap import Submap
-from stitch.raster import walls_of
+from stitch.alignment.raster import walls_of
 
 CELL = 0.1
 """Side of the cells [m] whose walls are compared, one point in each."""

@@ -10,10 +10,10 @@ import numpy as np
 from scenarios.ablate.pairs import Pair
 from scenarios.ablate.trial import drawn_prior, is_right
 from slam.se2 import Array
-from stitch.belief import Network, features
-from stitch.config import AlignConfig
-from stitch.joint import Scene, shown, tops
-from stitch.raster import walls_of
+from stitch.alignment.acceptance import Network, features
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.joint import Scene, shown, tops
+from stitch.alignment.raster import walls_of
 
 HIDDEN = 48
 """Units of the hidden layer."""
@@ -28,9 +28,9 @@ STRANGERS = "strangers"
 class Lessons:
     """The likeliest alignments of n pairs.
 
-    ``features (n, 39)`` of `stitch.belief.features`; ``right (n,)`` bool by the truth; ``allowed (n,)`` bool:
-    they pass the limits that do not depend on belief; ``guided (n,)`` bool: with a prior; ``bin (n,)``
-    names; ``building (n,)`` numbers.
+    ``features (n, 39)`` of `stitch.alignment.acceptance.features`; ``right (n,)`` bool by the truth;
+    ``allowed (n,)`` bool: they pass the limits that do not depend on belief; ``guided (n,)`` bool: with a
+    prior; ``bin (n,)`` names; ``building (n,)`` numbers.
     """
 
     features: Array

@@ -13,8 +13,8 @@ from scenarios.ablate.pieces import CELL, LENGTH, Piece, pieces
 from scenarios.ablate.visits import visits
 from sim.record import Buildable
 from slam import se2
+from slam.mapping.submap import Submap
 from slam.se2 import Array
-from slam.submap import Submap
 
 BINS: dict[str, tuple[float, float]] = {
     "15 %": (0.10, 0.20),

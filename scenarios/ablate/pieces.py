@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slam import keyframes, occupancy, se2
-from slam.frontend import track
+from slam import se2
+from slam.mapping import keyframes, occupancy
+from slam.mapping.submap import Submap, cut
+from slam.odometry.segmentation import SegmentationConfig, segments
+from slam.odometry.track import Track, Verdict
+from slam.odometry.tracker import track
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.se2 import Array
-from slam.segmentation import SegmentationConfig, segments
-from slam.submap import Submap, cut
-from slam.track import Track, Verdict
 
 LENGTH = (30.0, 60.0)
 """Shortest and longest stretch [m], unless asked for others: submaps of about 30 × 20 m."""

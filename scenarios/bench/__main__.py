@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from scenarios.bench.suite import BENCHES, bench
-from scenarios.cli import BadInput, main, nearest
+from slam.cli import InputError, main, nearest
 
 COMMAND = "scenarios.bench"
 
@@ -63,13 +63,13 @@ def run(options: Options) -> None:
 
 def _check(options: Options) -> None:
     if options.name and options.name not in BENCHES:
-        raise BadInput(f"unknown bench {options.name!r}: {nearest(options.name, BENCHES)}")
+        raise InputError(f"unknown bench {options.name!r}: {nearest(options.name, BENCHES)}")
     if options.pairs < 1:
-        raise BadInput(f"--pairs: expected 1 or more, got {options.pairs}")
+        raise InputError(f"--pairs: expected 1 or more, got {options.pairs}")
     if options.seed < 0:
-        raise BadInput(f"--seed: expected 0 or more, got {options.seed}")
+        raise InputError(f"--seed: expected 0 or more, got {options.seed}")
     if options.data is not None and not options.data.is_dir():
-        raise BadInput(f"--data: expected a folder, got {options.data}")
+        raise InputError(f"--data: expected a folder, got {options.data}")
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from slam.dead_reckoning import INS_WALK
+from slam.odometry.dead_reckoning import INS_WALK
 from slam.recording import Recording
 from slam.se2 import path_length
 

@@ -18,15 +18,15 @@ import numpy as np
 from tyro.conf import arg
 
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput, main, nearest
 from slam import se2
+from slam.cli import InputError, main, nearest
 from slam.se2 import Array
 
 if TYPE_CHECKING:
     import rich.table
 
+    from slam.odometry.track import Track
     from slam.recording import Recording
-    from slam.track import Track
 
 COMMAND = "scenarios.bench.realism"
 
@@ -110,7 +110,7 @@ def printed(values: Array, decimals: int = 2) -> Array:
 
 def _matching(recording: Recording) -> dict[tuple[str, str], float]:
     """What ManifoldSLAM's matcher makes of the scans, and how many beams come back."""
-    from slam.frontend import MANIFOLD_SLAM, track
+    from slam.odometry.tracker import MANIFOLD_SLAM, track
 
     tried = _tried(track(recording, MANIFOLD_SLAM))
     beams = np.isfinite(recording.ranges).sum(axis=1)
@@ -123,7 +123,7 @@ def _matching(recording: Recording) -> dict[tuple[str, str], float]:
 
 def _tried(track: Track) -> np.ndarray:
     """Matches of every step that was not skipped."""
-    from slam.track import Verdict
+    from slam.odometry.track import Verdict
 
     stepped = track.verdict != Verdict.SKIPPED
     stepped[0] = False
@@ -223,12 +223,12 @@ def run(options: Options) -> None:
 def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Figure]:
     """Figures of a real log, where there is one, beside seeds 0, 1, … of a scenario.
 
-    Raises `BadInput` for a log that cannot be read or has no truth, no seeds, or an unknown scenario.
+    Raises `InputError` for a log that cannot be read or has no truth, no seeds, or an unknown scenario.
     """
     if seeds < 1:
-        raise BadInput(f"--seeds: expected 1 or more, got {seeds}")
+        raise InputError(f"--seeds: expected 1 or more, got {seeds}")
     if scenario not in CATALOGUE:
-        raise BadInput(f"unknown scenario {scenario!r}: {nearest(scenario, CATALOGUE)}")
+        raise InputError(f"unknown scenario {scenario!r}: {nearest(scenario, CATALOGUE)}")
 
     from sim.record import simulate
     from slam.formats import FormatError, load
@@ -236,9 +236,9 @@ def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Figur
     try:
         real = None if log is None else load(log)
     except FormatError as error:
-        raise BadInput(str(error)) from error
+        raise InputError(str(error)) from error
     if real is not None and real.truth is None:
-        raise BadInput(f"{log}: no truth, expected a recording with the robot's true poses")
+        raise InputError(f"{log}: no truth, expected a recording with the robot's true poses")
     return compare(real, [simulate(CATALOGUE[scenario], seed).recording for seed in range(seeds)])
 
 

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.cli import BadInput, Pose
 from sim.driver import DriverConfig, resample
 from sim.floorplan import WALL_HEIGHT
 from sim.record import Setup
 from sim.robot import RobotConfig
 from sim.rosmap import walls
-from sim.route import NoRoute, plan
+from sim.route import NoRouteError, plan
 from sim.terrain import Terrain
 from sim.world import World
+from slam.cli import InputError, Pose
 from slam.formats import FormatError, ros_map
 from slam.se2 import Array
 
@@ -42,18 +42,18 @@ class MappedBuilding:
         return self.path.stem
 
     def build(self, rng: np.random.Generator) -> Setup:
-        """Draw route and rubble. Raises `BadInput` for a map that cannot be read or driven through."""
+        """Draw route and rubble. Raises `InputError` for a map that cannot be read or driven through."""
         robot = RobotConfig()
         try:
             grid = ros_map.read(self.path)
         except FormatError as error:
-            raise BadInput(str(error)) from error
+            raise InputError(str(error)) from error
         try:
             route = plan(
                 grid, 0.5 * float(np.hypot(robot.length, robot.width)), rng, self.start and self.start[:2]
             )
-        except NoRoute as error:
-            raise BadInput(f"{self.path}: {error}") from error
+        except NoRouteError as error:
+            raise InputError(f"{self.path}: {error}") from error
         path = resample(route)
         length = 0.05 * len(path)
         world = World(tuple(walls(grid)), _rubble(path, length, rng), WALL_HEIGHT)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from scenarios.estimate import Estimate, NoEstimate
 from scenarios.evaluation.consistency import consistency_metrics
 from scenarios.evaluation.definitions import DEFINITIONS
 from scenarios.evaluation.live import live_metrics
@@ -14,6 +13,7 @@ from scenarios.evaluation.relations import relation_metrics, relation_pairs
 from scenarios.evaluation.stitches import stitch_metrics
 from scenarios.evaluation.trajectory import trajectory_metrics
 from slam.recording import Recording
+from stitch.mapping.estimate import Estimate, NoEstimate
 
 __all__ = ["COST", "DEFINITIONS", "Metric", "cost", "evaluate", "missing"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.estimate import Live
 from scenarios.evaluation.metric import Metric, measured, missing
 from scenarios.evaluation.trajectory import aligned
 from slam.se2 import Array
+from stitch.mapping.estimate import Live
 
 NAMES = ("ate_online", "latency_median", "latency_p99", "latency_max")
 

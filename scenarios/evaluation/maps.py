@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from scenarios.evaluation.metric import Metric, measured, missing
 from scenarios.evaluation.trajectory import aligned
-from slam.occupancy import Grid, draw
+from slam.mapping.occupancy import Grid, draw
 from slam.recording import Recording
 from slam.se2 import Array
 

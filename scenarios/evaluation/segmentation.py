@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam import se2
-from slam.confidence import step_error
+from slam.odometry.confidence import step_error
+from slam.odometry.segmentation import Segment
+from slam.odometry.track import Track
 from slam.recording import Recording
 from slam.se2 import Array
-from slam.segmentation import Segment
-from slam.track import Track
 
 
 def step_errors(track: Track, truth: Array) -> Array:
     """Error ``(N,)`` of each accepted step from the scan it was estimated against, in units of
-    `slam.confidence.FAILURE`: above 1 it is lost. NaN where there is no step."""
+    `slam.odometry.confidence.FAILURE`: above 1 it is lost. NaN where there is no step."""
     step = se2.between(track.poses[track.reference], track.poses)
     errors = step_error(se2.between(se2.between(truth[track.reference], truth), step))
     errors[track.reference < 0] = np.nan

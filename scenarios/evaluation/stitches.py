@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.evaluation.metric import Metric, measured, missing
 from slam import se2
 from slam.se2 import Array
 from stitch.align import Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 FALSE_TRANSLATION, FALSE_ROTATION = 0.3, np.radians(2.0)
 """An accepted stitch further off than this [m], [rad] is false."""
@@ -31,7 +31,7 @@ class StitchError:
         return self.translation > FALSE_TRANSLATION or self.rotation > FALSE_ROTATION
 
 
-def stitch_error(estimate: Estimate, tried: TriedStitch, truth: Array) -> StitchError | None:
+def stitch_error(estimate: Estimate, tried: LoopCandidate, truth: Array) -> StitchError | None:
     """The error of a tried stitch against ``truth (N, 3)``; None where no alignment was found.
 
     A submap's frame is the robot's pose at its first scan, so the true alignment is that between the true

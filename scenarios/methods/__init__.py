@@ -6,16 +6,16 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scenarios.estimate import Estimate, NoEstimate
     from scenarios.methods.config import MethodConfig
     from slam.recording import Recording
+    from stitch.mapping.estimate import Estimate, NoEstimate
 
 Method = Callable[["Recording", "MethodConfig"], "Estimate"]
 
 
 def ins(recording: Recording, config: MethodConfig) -> Estimate:
     """Dead reckoning exactly as recorded."""
-    from scenarios.estimate import Estimate
+    from stitch.mapping.estimate import Estimate
 
     _refuse_without_dead_reckoning("ins", recording)
     return Estimate("ins", recording.dead_reckoning)
@@ -23,8 +23,8 @@ def ins(recording: Recording, config: MethodConfig) -> Estimate:
 
 def icp(recording: Recording, config: MethodConfig) -> Estimate:
     """Unweighted point-to-point ICP, scan to scan, in our front end."""
-    from scenarios.estimate import Estimate
-    from slam.frontend import track
+    from slam.odometry.tracker import track
+    from stitch.mapping.estimate import Estimate
 
     found = track(recording, config.icp)
     return Estimate("icp", found.poses, track=found)
@@ -32,8 +32,8 @@ def icp(recording: Recording, config: MethodConfig) -> Estimate:
 
 def wsm(recording: Recording, config: MethodConfig) -> Estimate:
     """ManifoldSLAM with the Weighted Scan Matcher, as the report ran it."""
-    from scenarios.estimate import Estimate
-    from slam.frontend import track
+    from slam.odometry.tracker import track
+    from stitch.mapping.estimate import Estimate
 
     _refuse_without_dead_reckoning("wsm", recording)
     found = track(recording, config.manifold)
@@ -50,14 +50,14 @@ def htms(recording: Recording, config: MethodConfig) -> Estimate:
 
 def slamstitch(recording: Recording, config: MethodConfig) -> Estimate:
     """Ours: local maps, cuts, joint stitching, a robust pose graph and a bundle."""
-    from scenarios.methods.slamstitch import run
+    from stitch.mapping.offline import run
 
     return run(recording, config)
 
 
 def slamstitch_online(recording: Recording, config: MethodConfig) -> Estimate:
     """Ours scan by scan: each pose from the scans until then, by iSAM2."""
-    from scenarios.methods.online import run
+    from stitch.mapping.online import run
 
     return run(recording, config)
 
@@ -103,7 +103,7 @@ REHEARSED_AS = {"oracle": "slamstitch"}
 
 def answer(name: str, recording: Recording, config: MethodConfig) -> Estimate | NoEstimate:
     """What a method says of a recording, or why it has nothing to say."""
-    from scenarios.estimate import NoEstimate
+    from stitch.mapping.estimate import NoEstimate
 
     if recording.source != "none":
         return METHODS[name](recording, config)
@@ -135,7 +135,7 @@ def hopeless(found: Estimate) -> str | None:
 
 
 def _refuse_without_dead_reckoning(name: str, recording: Recording) -> None:
-    from scenarios.cli import BadInput
+    from slam.cli import InputError
 
     if recording.source == "none":
-        raise BadInput(f"{name}: {NEEDS_DEAD_RECKONING[name]}")
+        raise InputError(f"{name}: {NEEDS_DEAD_RECKONING[name]}")

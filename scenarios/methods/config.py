@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from scenarios.methods.loops import LoopConfig
-from slam.bundle import BundleConfig
-from slam.frontend import MANIFOLD_SLAM, FrontendConfig
 from slam.matching import MatchConfig
-from slam.segmentation import SegmentationConfig
-from stitch.config import AlignConfig
+from slam.odometry.segmentation import SegmentationConfig
+from slam.odometry.tracker import MANIFOLD_SLAM, FrontendConfig
+from stitch.alignment.config import AlignConfig
+from stitch.mapping.bundle import BundleConfig
+from stitch.mapping.loop_closure import LoopConfig
 
 
 def _icp() -> FrontendConfig:

@@ -5,16 +5,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.methods.config import MethodConfig
 from slam import se2
-from slam.frontend import track
+from slam.mapping.submap import cut
+from slam.odometry.segmentation import segments
+from slam.odometry.track import Verdict
+from slam.odometry.tracker import track
 from slam.recording import Recording
 from slam.scan import scans_of
-from slam.segmentation import segments
-from slam.submap import cut
-from slam.track import Verdict
 from stitch.align import Prior, Stitch, align
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 UNREAD = np.eye(3)
 """Of the prior the report's method reads the rotation only, not the covariance that goes with it."""
@@ -42,7 +42,7 @@ def stitch_in_sequence(recording: Recording, config: MethodConfig) -> Estimate:
         merged = cut(recording, scans, poses, first.start, piece.start, drawn, resolution)
         guess = Prior(se2.between(first.anchor, piece.anchor), UNREAD)
         result = align(merged, piece, guess, config.htms)
-        tried.append(TriedStitch(0, b, result))
+        tried.append(LoopCandidate(0, b, result))
         if isinstance(result, Stitch):
             anchor = se2.compose(first.anchor, result.T_a_b)
             rows = slice(piece.start, ends[b])

@@ -7,22 +7,23 @@ from functools import partial
 
 import numpy as np
 
-from scenarios.cli import BadInput
-from scenarios.estimate import Estimate
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.slamstitch import mapped
-from slam import dead_reckoning, se2
-from slam.companions import without_companions
-from slam.frontend import track
+from slam import se2
+from slam.cli import InputError
+from slam.mapping.submap import Submap
+from slam.odometry import dead_reckoning
+from slam.odometry.ego_motion_filter import without_companions
+from slam.odometry.track import Track, Verdict
+from slam.odometry.tracker import track
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.se2 import Array
-from slam.submap import Submap
-from slam.track import Track, Verdict
 from stitch.align import AlignConfig, NoStitch, Prior, Stitch
-from stitch.raster import walls_of
-from stitch.refinement import covariance, score_field
-from stitch.verification import measure
+from stitch.alignment.raster import walls_of
+from stitch.alignment.refinement import covariance, score_field
+from stitch.alignment.verification import measure
+from stitch.mapping.estimate import Estimate
+from stitch.mapping.offline import mapped
 
 FAILED_STEP = (0.10, np.radians(2.0))
 """A step of the front end that is off by more (m, rad) has failed, whatever its verdict says."""
@@ -32,11 +33,11 @@ def run(recording: Recording, config: MethodConfig) -> Estimate:
     """As slamstitch, but cut where the front end truly failed, and every overlap is stitched as it truly
     lies; the graph keeps all of these stitches, whatever its settings.
 
-    Raises `BadInput` for a recording without truth.
+    Raises `InputError` for a recording without truth.
     """
     truth = recording.truth
     if truth is None:
-        raise BadInput(f"oracle: expected a recording with truth, {recording.name} has none")
+        raise InputError(f"oracle: expected a recording with truth, {recording.name} has none")
     scans = without_companions(recording, scans_of(recording))
     found = track(recording, config.frontend, scans)
     found = with_true_failures(recording, found, truth, config.segmentation.measure)

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from scenarios.cli import BadInput, main, nearest
+from slam.cli import InputError, main, nearest
 
 COMMAND = "scenarios.report"
 PICTURES = {
@@ -48,29 +48,29 @@ def run(options: Options) -> None:
     try:
         words = written(options)
     except OSError as error:
-        raise BadInput(f"--out {options.out}: cannot be written: {error.strerror}") from error
+        raise InputError(f"--out {options.out}: cannot be written: {error.strerror}") from error
     print(words)
 
 
 def written(options: Options) -> str:
-    """What the report asked for has to say. Raises `BadInput`."""
+    """What the report asked for has to say. Raises `InputError`."""
     name, *rest = options.what or ("",)
     if name in PICTURES:
         if options.out is None:
-            raise BadInput(f"-o: expected where to write {name}")
+            raise InputError(f"-o: expected where to write {name}")
         if rest:
-            raise BadInput(f"{name}: unexpected argument {rest[0]!r}")
+            raise InputError(f"{name}: unexpected argument {rest[0]!r}")
         return str(import_module(f"scenarios.report.{name}").run(options.out))
     if name in OF_FOLDERS:
         if not rest:
-            raise BadInput(f"{name}: expected the folder of a run")
+            raise InputError(f"{name}: expected the folder of a run")
         return str(import_module(f"scenarios.report.{name}").run([Path(word) for word in rest], options.out))
     if not options.what:
-        raise BadInput(f"expected folders of runs, or one of {', '.join([*PICTURES, *OF_FOLDERS])}")
+        raise InputError(f"expected folders of runs, or one of {', '.join([*PICTURES, *OF_FOLDERS])}")
     folders = [Path(word) for word in options.what if not word.endswith(".html")]  # runs/* has old pages too
     for folder in folders:
         if not folder.is_dir():
-            raise BadInput(
+            raise InputError(
                 f"unknown report {str(folder)!r}: {nearest(str(folder), [*PICTURES, *OF_FOLDERS])}"
             )
     from scenarios.report import compare

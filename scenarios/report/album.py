@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.evaluation.metric import Metric
 from scenarios.evaluation.stitches import stitch_error
 from scenarios.report import figures, spread, stitching, world
@@ -23,7 +22,8 @@ from scenarios.report.verdict import headline
 from scenarios.run_folder.place import safe
 from slam.recording import Recording
 from slam.se2 import Array
-from stitch.config import AlignConfig
+from stitch.alignment.config import AlignConfig
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -193,7 +193,7 @@ def false_stitches(estimate: Estimate, truth: Array | None) -> frozenset[int]:
     )
 
 
-def stitch_drawing(estimate: Estimate, tried: TriedStitch) -> Drawing:
+def stitch_drawing(estimate: Estimate, tried: LoopCandidate) -> Drawing:
     """One stitch in full."""
     what = f"Stitch of submap {tried.b} to {tried.a} by {estimate.method}"
     return Drawing(
@@ -213,7 +213,7 @@ def stitch_drawings(estimates: Sequence[Estimate]) -> Iterator[Drawing]:
                 yield stitch_drawing(estimate, tried)
 
 
-def _telling(estimate: Estimate, false: frozenset[int]) -> TriedStitch:
+def _telling(estimate: Estimate, false: frozenset[int]) -> LoopCandidate:
     if false:
         return estimate.stitches[min(false)]
     accepted = [tried for tried in estimate.stitches if tried.accepted]

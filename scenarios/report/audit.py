@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.cli import BadInput
 from scenarios.evaluation.detection import Decision, average_precision, decided, roc_auc, spearman
 from slam import se2
-from slam.confidence import step_error
+from slam.cli import InputError
+from slam.odometry.confidence import step_error
 from slam.se2 import Array
 
 FILE = "wsm_patches.json"
@@ -65,7 +65,7 @@ class Audit:
 
 
 def run(folders: Sequence[Path], out: Path | None) -> str:
-    """The audit of each folder's log in words; into the file ``out`` as well. Raises `BadInput`."""
+    """The audit of each folder's log in words; into the file ``out`` as well. Raises `InputError`."""
     text = "\n\n".join(told(folder, audit(read(folder / FILE))) for folder in folders)
     if out is not None:
         out.write_text(text + "\n", encoding="utf-8")
@@ -73,9 +73,9 @@ def run(folders: Sequence[Path], out: Path | None) -> str:
 
 
 def read(path: Path) -> Patches:
-    """Published patches; the file is a list without its brackets. Raises `BadInput`."""
+    """Published patches; the file is a list without its brackets. Raises `InputError`."""
     if not path.is_file():
-        raise BadInput(f"{path}: no such file, expected the patches that the report published")
+        raise InputError(f"{path}: no such file, expected the patches that the report published")
     try:
         records = json.loads("[" + path.read_text(encoding="utf-8").strip().rstrip(",") + "]")
         return Patches(
@@ -86,13 +86,13 @@ def read(path: Path) -> Patches:
             _poses(records, "groundtruth"),
         )
     except KeyError as error:
-        raise BadInput(f"{path}: expected patches with {error}") from error
+        raise InputError(f"{path}: expected patches with {error}") from error
     except (TypeError, ValueError) as error:
-        raise BadInput(f"{path}: expected a list of patches without brackets: {error}") from error
+        raise InputError(f"{path}: expected a list of patches without brackets: {error}") from error
 
 
 def audit(patches: Patches) -> Audit:
-    """The report's numbers made again, and what the truth says. Raises `BadInput` where no step is lost."""
+    """The report's numbers made again, and what the truth says. Raises `InputError` where no step is lost."""
     failed = np.isnan(patches.covariance[:, 0, 0]) | (patches.matches == 0)
     bad = _badness(patches, failed)
     steps = np.flatnonzero(patches.extends)
@@ -103,7 +103,7 @@ def audit(patches: Patches) -> Audit:
     )
     lost, zero = step_error(error) > 1.0, failed[after]
     if not lost.any() or lost.all():
-        raise BadInput(f"{lost.sum()} of {len(lost)} steps are lost: nothing to tell apart")
+        raise InputError(f"{lost.sum()} of {len(lost)} steps are lost: nothing to tell apart")
     return Audit(
         as_zero=_correlations({name: np.where(failed, 0.0, values) for name, values in bad.items()}),
         as_lost=_correlations({**bad, "matches": np.where(failed, 0.0, bad["matches"])}),

@@ -12,13 +12,13 @@ from scenarios.report import shapes
 from scenarios.report.style import BLACK, BLUE, FONT, GREY, VERMILLION, WIDTH, png
 from slam import se2
 from slam.se2 import Array
-from stitch import hough
-from stitch.config import AlignConfig
-from stitch.htms import DIRECTIONS, dominant_direction, four_hypotheses
-from stitch.pair import Pair, pair
-from stitch.result import Alternative, NoStitch
-from stitch.rotation import cross_correlation
-from stitch.translation import correlation_along, profile
+from stitch.alignment import hough
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.result import Alternative, NoStitch
+from stitch.alignment.rotation import cross_correlation
+from stitch.alignment.translation import correlation_along, profile
+from stitch.published.htms import DIRECTIONS, dominant_direction, four_hypotheses
+from stitch.published.pair import Pair, pair
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from slam.submap import Submap
+from slam.mapping.submap import Submap
 
 
 def cuts(submaps: Sequence[Submap]) -> list[tuple[int, int]]:

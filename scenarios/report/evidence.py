@@ -8,14 +8,21 @@ from functools import cached_property
 import numpy as np
 
 from slam import se2
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.se2 import Array
-from stitch import hough
-from stitch.config import AlignConfig
-from stitch.htms import DIRECTIONS, dominant_direction
-from stitch.raster import rasterise
-from stitch.rotation import cross_correlation
-from stitch.translation import Correlation, correlate, correlation_along, padded_shape, profile, spectra
+from stitch.alignment import hough
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.raster import rasterise
+from stitch.alignment.rotation import cross_correlation
+from stitch.alignment.translation import (
+    Correlation,
+    correlate,
+    correlation_along,
+    padded_shape,
+    profile,
+    spectra,
+)
+from stitch.published.htms import DIRECTIONS, dominant_direction
 
 RESOLUTION = 0.1
 """Side of the cells [m] that walls are counted in."""

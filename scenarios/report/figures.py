@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation.maps import RESOLUTION, cells_found, map_at, occupied_cells, true_map
 from scenarios.evaluation.trajectory import aligned
 from scenarios.report.cuts import cuts
@@ -27,9 +26,10 @@ from scenarios.report.style import (
     panels,
     titled,
 )
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.recording import Recording
 from slam.se2 import Array
+from stitch.mapping.estimate import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation.metric import Metric
 from scenarios.report.album import Plate
 from scenarios.report.assets import TEMPLATES, script, style
@@ -14,6 +13,7 @@ from scenarios.report.live.run import script_safe, told
 from scenarios.report.table import BASELINE, tabulate
 from scenarios.report.verdict import best_method, headline, scores, verdict
 from slam.recording import Recording
+from stitch.mapping.estimate import Estimate
 
 if TYPE_CHECKING:
     import jinja2

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.report.evidence import RESOLUTION, Walls
 from slam import se2
 from slam.se2 import Array
-from stitch.result import Stitch
+from stitch.alignment.result import Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 MERGING = ("htms",)
 """Methods that stitch each piece to the map of all before it, in the frame of the first."""
 
 
-def state(tried: TriedStitch, false: bool | None) -> str:
+def state(tried: LoopCandidate, false: bool | None) -> str:
     """``accepted``, ``false`` (accepted and untrue), ``rejected`` (by the graph) or ``refused`` (by the
     stitching)."""
     if not isinstance(tried.result, Stitch):
@@ -24,7 +24,7 @@ def state(tried: TriedStitch, false: bool | None) -> str:
     return "false" if false else "accepted"
 
 
-def pose_of(tried: TriedStitch) -> Array | None:
+def pose_of(tried: LoopCandidate) -> Array | None:
     """Where the stitch, or the best candidate of a refusal, has b in the frame of a."""
     if isinstance(tried.result, Stitch):
         return tried.result.T_a_b
@@ -48,18 +48,18 @@ def merged(estimate: Estimate, b: int) -> Walls:
     return Walls((cells + 0.5) * RESOLUTION, None)
 
 
-def placed(estimate: Estimate, tried: TriedStitch) -> Array:
+def placed(estimate: Estimate, tried: LoopCandidate) -> Array:
     """Where the method left b in the frame of a: as stitched, else where it was."""
     if isinstance(tried.result, Stitch):
         return tried.result.T_a_b
     return before(estimate, tried)
 
 
-def before(estimate: Estimate, tried: TriedStitch) -> Array:
+def before(estimate: Estimate, tried: LoopCandidate) -> Array:
     """Where the front end had b in the frame of a."""
     return se2.between(estimate.submaps[tried.a].anchor, estimate.submaps[tried.b].anchor)
 
 
-def partner(estimate: Estimate, tried: TriedStitch) -> Walls:
+def partner(estimate: Estimate, tried: LoopCandidate) -> Walls:
     """The walls that b was stitched to, in the frame of a."""
     return merged(estimate, tried.b) if estimate.method in MERGING else piece(estimate, tried.a)

@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 
 from slam import se2
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
+from slam.mapping.submap import Submap
 from slam.scan import Scan
 from slam.se2 import Array
-from slam.submap import Submap
 
 PIXEL = 0.05
 """Side of a drawn cell [m]."""

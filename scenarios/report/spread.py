@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation.trajectory import aligned
 from scenarios.report.figures import legend, views
 from scenarios.report.style import BLACK, SKY, VERMILLION, panels, titled
 from slam import se2
+from slam.odometry.track import Verdict
 from slam.recording import Recording
 from slam.se2 import Array
-from slam.track import Verdict
+from stitch.mapping.estimate import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.report.evidence import (
     REACH,
     RESOLUTION,
@@ -22,8 +21,9 @@ from scenarios.report.style import BLACK, BLUE, FONT, GREY, ORANGE, VERMILLION, 
 from scenarios.report.tiles import Tile, in_both, pair, sheet
 from slam import se2
 from slam.se2 import Array
-from stitch.config import AlignConfig
-from stitch.translation import Correlation
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.translation import Correlation
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,7 +57,7 @@ def steps(estimate: Estimate, false: frozenset[int] = frozenset()) -> Figure:
     )
 
 
-def step(estimate: Estimate, tried: TriedStitch, colour: str) -> Tile:
+def step(estimate: Estimate, tried: LoopCandidate, colour: str) -> Tile:
     """A stitch on a tile: a blue, b orange, both black. Raises ``ValueError`` without an alignment."""
     T = pose_of(tried)
     if T is None:
@@ -67,13 +67,13 @@ def step(estimate: Estimate, tried: TriedStitch, colour: str) -> Tile:
     return pair(f"{a} ← {tried.b}", partner(estimate, tried).points, moved, colour)
 
 
-def drawable(estimate: Estimate, tried: TriedStitch) -> bool:
+def drawable(estimate: Estimate, tried: LoopCandidate) -> bool:
     """Whether a stitch has an alignment, and walls on both sides."""
     pieces = (partner(estimate, tried), piece(estimate, tried.b))
     return pose_of(tried) is not None and all(len(walls.points) > 0 for walls in pieces)
 
 
-def one(estimate: Estimate, tried: TriedStitch, config: AlignConfig) -> Figure:
+def one(estimate: Estimate, tried: LoopCandidate, config: AlignConfig) -> Figure:
     """A stitch: both maps before and after, Hough spectra, X and Y spectra, and the score around it.
 
     Raises ``ValueError`` without an alignment or walls to draw.

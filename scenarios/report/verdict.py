@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation.metric import Metric
 from scenarios.report.cuts import cuts
+from stitch.mapping.estimate import Estimate
 
 HEADLINES = (("ate_rmse", "position error (ATE)"), ("relation_trans_mean", "mean error of the relations"))
 BASELINE, CHEAT = "ins", "oracle"

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenarios.cli import BadInput
-from scenarios.estimate import Estimate
 from scenarios.evaluation.trajectory import aligned
 from scenarios.report.album import false_stitches
 from scenarios.report.pieces import MERGING, state
 from scenarios.report.verdict import colours
 from scenarios.run_folder.reading import read
 from slam import se2
+from slam.cli import InputError
 from slam.recording import Recording
 from slam.se2 import Array
+from stitch.mapping.estimate import Estimate
 
 if TYPE_CHECKING:
     import rerun
@@ -31,16 +31,16 @@ STATES = {"accepted": "00805f", "false": "c2300a", "rejected": "7b8490", "refuse
 
 
 def check() -> None:
-    """Raises `BadInput`, telling how to install it, where Rerun is missing."""
+    """Raises `InputError`, telling how to install it, where Rerun is missing."""
     if find_spec("rerun") is None:
-        raise BadInput(MISSING)
+        raise InputError(MISSING)
 
 
 def run(folders: Sequence[Path], out: Path | None) -> str:
     """Show a run in Rerun's viewer, or write it to the file ``out``; returns what was done in words."""
     check()
     if len(folders) != 1:
-        raise BadInput(f"view: expected one run, got {len(folders)}")
+        raise InputError(f"view: expected one run, got {len(folders)}")
     recording, estimates, _ = read(folders[0])
 
     import rerun as rr

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarios.estimate import Estimate
 from scenarios.report.style import (
     BLACK,
     BLUE,
@@ -21,8 +20,9 @@ from scenarios.report.style import (
     titled,
 )
 from slam import se2
+from slam.odometry.track import Verdict
 from slam.se2 import Array
-from slam.track import Verdict
+from stitch.mapping.estimate import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation import Metric
 from slam.recording import Recording
+from stitch.mapping.estimate import Estimate
 
 if TYPE_CHECKING:
     from sim.record import SimulatedRun

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation.maps import map_at
 from scenarios.run_folder.place import safe
 from slam.formats import ros_map
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.recording import Recording
+from stitch.mapping.estimate import Estimate
 
 
 def write(into: Path, recording: Recording, estimates: Sequence[Estimate]) -> None:

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarios.cli import BadInput
 from scenarios.run_folder.plain import dump
+from slam.cli import InputError
 
 MARK = "metrics.json"
 """A folder that holds this is a run, and may be replaced by a newer one."""
@@ -35,22 +35,22 @@ def safe(name: str) -> str:
 
 
 def check(out: Path, name: str) -> None:
-    """See that the run's folder can be put into ``out``, without touching anything. Raises `BadInput`."""
+    """See that the run's folder can be put into ``out``, without touching anything. Raises `InputError`."""
     there = next(folder for folder in (out, *out.absolute().parents) if os.path.lexists(folder))
     if not there.is_dir():
-        raise BadInput(f"--out {out}: {there} is not a folder")
+        raise InputError(f"--out {out}: {there} is not a folder")
     if not os.access(there, os.W_OK | os.X_OK):
-        raise BadInput(f"--out {out}: {there} cannot be written")
+        raise InputError(f"--out {out}: {there} cannot be written")
     final = out / safe(name)
     if os.path.lexists(final) and not (final / MARK).is_file():
-        raise BadInput(f"--out {out}: {final} is in the way and not a run's folder")
+        raise InputError(f"--out {out}: {final} is in the way and not a run's folder")
 
 
 @contextmanager
 def prepare(out: Path, name: str) -> Iterator[Folder]:
     """A temporary folder in ``out``, which is made where it is missing; all of it is gone when the run fails.
 
-    Raises `BadInput` when the file system does not let us write.
+    Raises `InputError` when the file system does not let us write.
     """
     made = [folder for folder in (out, *out.parents) if not folder.exists()]
     temporary = None
@@ -61,7 +61,7 @@ def prepare(out: Path, name: str) -> Iterator[Folder]:
     except OSError as error:
         if temporary is not None and error.errno not in FULL:
             raise
-        raise BadInput(f"--out {out}: cannot be written: {error.strerror}") from error
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
     finally:
         if temporary is not None and temporary.exists():
             shutil.rmtree(temporary)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from scenarios.estimate import Estimate
 from scenarios.run_folder.place import safe
 from slam.formats import g2o, tum
 from slam.recording import Recording
+from stitch.mapping.estimate import Estimate
 
 
 def write_trajectories(into: Path, recording: Recording, estimates: Sequence[Estimate]) -> None:

@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.cli import BadInput
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.evaluation.metric import Metric
 from scenarios.run_folder import tracks
 from scenarios.run_folder.place import MARK, safe
-from slam import keyframes
+from slam.cli import InputError
 from slam.formats import FormatError, g2o, load, tum
 from slam.formats.recording_npz import TORN
-from slam.posegraph import PoseGraph
+from slam.graph.pose_graph import PoseGraph
+from slam.mapping import keyframes
+from slam.mapping.submap import Submap, cut
+from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
 from slam.scan import scans_of
-from slam.submap import Submap, cut
-from slam.track import Track, Verdict
-from stitch.result import Alternative, NoStitch, Prior, Stitch
+from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 
 def is_run(folder: Path) -> bool:
@@ -31,7 +31,7 @@ def is_run(folder: Path) -> bool:
 
 
 def read_metrics(folder: Path) -> tuple[dict[str, Any], list[Metric]]:
-    """What ``metrics.json`` says of the run, and its metrics. Raises `BadInput`."""
+    """What ``metrics.json`` says of the run, and its metrics. Raises `InputError`."""
     told = _json(folder / MARK)
     try:
         metrics = [
@@ -39,17 +39,17 @@ def read_metrics(folder: Path) -> tuple[dict[str, Any], list[Metric]]:
             for m in told["metrics"]
         ]
     except (KeyError, TypeError, ValueError) as error:
-        raise BadInput(f"{folder / MARK}: expected the metrics of a run: {error}") from error
+        raise InputError(f"{folder / MARK}: expected the metrics of a run: {error}") from error
     return told, metrics
 
 
 def read(folder: Path) -> tuple[Recording, list[Estimate], list[Metric]]:
-    """The recording, the estimates in the order of the metrics, and the metrics. Raises `BadInput`.
+    """The recording, the estimates in the order of the metrics, and the metrics. Raises `InputError`.
 
     Submaps are cut anew from the recording at the poses of the front end.
     """
     if not is_run(folder):
-        raise BadInput(f"{folder}: expected the folder of a run, with {MARK}")
+        raise InputError(f"{folder}: expected the folder of a run, with {MARK}")
     _, metrics = read_metrics(folder)
     segments, stories = _json(folder / "segments.json"), _json(folder / "stitches.json")
     try:
@@ -61,7 +61,7 @@ def read(folder: Path) -> tuple[Recording, list[Estimate], list[Metric]]:
                 if _trajectory(folder, method).is_file()  # a method may have had no answer
             ]
     except (FormatError, *TORN) as error:
-        raise BadInput(f"{folder}: cannot be read as a run: {error}") from error
+        raise InputError(f"{folder}: cannot be read as a run: {error}") from error
     return recording, estimates, metrics
 
 
@@ -102,12 +102,12 @@ def _submaps(recording: Recording, track: Track, segments: list[dict[str, int]])
     )
 
 
-def _tried(story: Mapping[str, Any]) -> TriedStitch:
+def _tried(story: Mapping[str, Any]) -> LoopCandidate:
     result = _stitch(story) if "T_a_b" in story else _refusal(story)
     prior = None
     if story["prior"] is not None:
         prior = Prior(np.array(story["prior"]["T_a_b"]), np.array(story["prior"]["covariance"]))
-    return TriedStitch(story["a"], story["b"], result, story["weight"], prior=prior, turn=story["turn"])
+    return LoopCandidate(story["a"], story["b"], result, story["weight"], prior=prior, turn=story["turn"])
 
 
 def _stitch(story: Mapping[str, Any]) -> Stitch:
@@ -140,7 +140,7 @@ def _json(path: Path) -> dict[str, Any]:
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise BadInput(f"{path}: expected JSON of a run: {error}") from error
+        raise InputError(f"{path}: expected JSON of a run: {error}") from error
     if not isinstance(told, dict):
-        raise BadInput(f"{path}: expected JSON of a run, got {type(told).__name__}")
+        raise InputError(f"{path}: expected JSON of a run, got {type(told).__name__}")
     return told

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarios.estimate import Estimate
 from slam import se2
+from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
 from slam.se2 import Array
-from slam.track import Track, Verdict
+from stitch.mapping.estimate import Estimate
 
 COLUMNS = ("method", "scan", "time", "verdict", "reference", "matches", "error_trans", "error_rot")
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.evaluation.stitches import stitch_error
 from slam.se2 import Array
 from stitch.align import Alternative, Prior, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 
 def segments(estimates: Sequence[Estimate]) -> dict[str, list[dict[str, int]]]:
@@ -30,7 +30,7 @@ def stories(estimates: Sequence[Estimate], truth: Array | None) -> dict[str, lis
     }
 
 
-def story(estimate: Estimate, tried: TriedStitch, truth: Array | None) -> dict[str, object]:
+def story(estimate: Estimate, tried: LoopCandidate, truth: Array | None) -> dict[str, object]:
     """What came of a pair of segments: when it was tried and where it was expected, the alignment and what
     speaks for it, or why there is none.
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.estimate import Estimate
-from slam.track import Track
+from slam.odometry.track import Track
+from stitch.mapping.estimate import Estimate
 
 COVARIANCE = "pose_covariance"
 PLAIN = tuple(field.name for field in fields(Track) if field.name != "confidence")

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from scenarios.cli import main
+from slam.cli import main
 
 COMMAND = "scenarios.sweep"
 

@@ -16,7 +16,7 @@ Prepare: TypeAlias = Callable[[str, int], Any]
 Answering: TypeAlias = Callable[[Trial, Any], Answer]
 
 
-class OtherCode(Exception):  # noqa: N818
+class OtherCodeError(Exception):
     """A worker runs other code than the sweep; the message is its version."""
 
 
@@ -30,7 +30,7 @@ class Prepared:
 
 
 def prepared(version: str, prepare: Prepare, scenario: str, seed: int) -> Prepared:
-    """What the trials of a drive share. Raises `OtherCode` where the worker is of another version."""
+    """What the trials of a drive share. Raises `OtherCodeError` where the worker is of another version."""
     _same_code(version)
     started = time.perf_counter()
     try:
@@ -41,7 +41,7 @@ def prepared(version: str, prepare: Prepare, scenario: str, seed: int) -> Prepar
 
 
 def attempt(version: str, answer: Answering, trial: Trial, given: Prepared) -> Outcome:
-    """The trial's outcome. Raises `OtherCode` where the worker is of another version."""
+    """The trial's outcome. Raises `OtherCodeError` where the worker is of another version."""
     _same_code(version)
     if given.traceback is not None:
         return Outcome(traceback=given.traceback, preparing=given.seconds)
@@ -62,4 +62,4 @@ def _told(error: Exception) -> str:
 
 def _same_code(version: str) -> None:
     if code_version() != version:
-        raise OtherCode(code_version())
+        raise OtherCodeError(code_version())

@@ -5,20 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from scenarios.cli import BadInput
+from slam.cli import InputError
 
 
 def check(scheduler: str | None, workers: int, out: Path) -> None:
-    """The options that every study shares. Raises `BadInput`."""
+    """The options that every study shares. Raises `InputError`."""
     if workers < 0:
-        raise BadInput(f"expected --workers >= 0, got {workers}")
+        raise InputError(f"expected --workers >= 0, got {workers}")
     if scheduler is not None:
         if workers:
-            raise BadInput("--workers is for this machine alone: expected either it or --scheduler")
+            raise InputError("--workers is for this machine alone: expected either it or --scheduler")
         if not _is_address(scheduler):
-            raise BadInput(f"--scheduler {scheduler!r}: expected an address like tcp://host:8786")
+            raise InputError(f"--scheduler {scheduler!r}: expected an address like tcp://host:8786")
     if out.is_file():
-        raise BadInput(f"--out {out}: expected a folder, found a file")
+        raise InputError(f"--out {out}: expected a folder, found a file")
 
 
 def _is_address(text: str) -> bool:

@@ -11,11 +11,11 @@ from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from scenarios.cli import BadInput
-from scenarios.sweep.attempt import OtherCode
-from scenarios.sweep.pool import Here, Pool, WorkersDied
+from scenarios.sweep.attempt import OtherCodeError
+from scenarios.sweep.pool import Here, Pool, WorkersDiedError
 from scenarios.sweep.processes import Processes
 from scenarios.sweep.version import code_version
+from slam.cli import InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -26,7 +26,7 @@ RECOUNT = 1.0
 """Seconds after which the workers are counted again."""
 
 
-class SchedulerGone(Exception):  # noqa: N818
+class SchedulerLostError(Exception):
     """The connection to the scheduler is lost; the message names it."""
 
 
@@ -35,7 +35,7 @@ def pool(scheduler: str | None, workers: int, say: Callable[[str], None]) -> Ite
     """The workers of a running ``scheduler``; without one so many processes of this machine, each with one
     thread, 0 for one per core; a single one is this process. Whoever waits for workers is told by ``say``.
 
-    Raises `BadInput` where no scheduler answers, or its workers run other code.
+    Raises `InputError` where no scheduler answers, or its workers run other code.
     """
     if scheduler is None and workers == 1:
         yield Here()
@@ -81,7 +81,7 @@ def _existing(scheduler: str) -> Iterator[Client]:
         client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except Exception as error:  # whoever listens there may answer anything
         said = f"expected a Dask scheduler, none answered within {PATIENCE:.0f} s"
-        raise BadInput(f"--scheduler {scheduler}: {said}") from error
+        raise InputError(f"--scheduler {scheduler}: {said}") from error
     with client:
         yield client
 
@@ -118,7 +118,7 @@ class Cluster:
         self.counted = (-RECOUNT, -1)
 
     def room(self) -> int:
-        """Threads of all workers that there are just now. Raises `SchedulerGone`."""
+        """Threads of all workers that there are just now. Raises `SchedulerLostError`."""
         when, room = self.counted
         if time.monotonic() - when >= RECOUNT:
             with self._telling():
@@ -129,14 +129,14 @@ class Cluster:
         return room
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future:
-        """Begin a job on a worker that is free. Raises `SchedulerGone`."""
+        """Begin a job on a worker that is free. Raises `SchedulerLostError`."""
         with self._telling():
             future = self.client.submit(work, *arguments, key=f"{work.__name__}-{uuid4().hex}", pure=False)
         future.add_done_callback(self.queue.put)
         return future
 
     def ended(self) -> Sequence[Future]:
-        """Jobs that have ended. Raises `SchedulerGone`."""
+        """Jobs that have ended. Raises `SchedulerLostError`."""
         found = []
         with contextlib.suppress(queue.Empty):
             found.append(self.queue.get(timeout=RECOUNT))
@@ -146,7 +146,7 @@ class Cluster:
         return found
 
     def check(self, job: Future) -> None:
-        """Raises `WorkersDied`, `SchedulerGone`, and `BadInput` where no worker can do a job."""
+        """Raises `WorkersDiedError`, `SchedulerLostError`, and `InputError` where no worker can do a job."""
         with self._telling():
             if (error := job.exception()) is not None:
                 raise error
@@ -167,7 +167,7 @@ class Cluster:
 
     def _look_after(self, useful: bool) -> None:
         if self.client.status != "running":
-            raise SchedulerGone(f"{self.name} is gone")
+            raise SchedulerLostError(f"{self.name} is gone")
         if self.processes is not None:
             self.processes.tend(useful)
 
@@ -180,16 +180,16 @@ class Cluster:
             yield
         except TimeoutError:
             raise
-        except OtherCode as error:
-            raise BadInput(self._differs(str(error))) from error
+        except OtherCodeError as error:
+            raise InputError(self._differs(str(error))) from error
         except KilledWorker as error:
             died = f"{error.allowed_failures + 1} workers died of it: killed, or out of memory"
-            raise WorkersDied(died) from error
+            raise WorkersDiedError(died) from error
         except (OSError, CancelledError) as error:
-            raise SchedulerGone(f"{self.name} is gone") from error
+            raise SchedulerLostError(f"{self.name} is gone") from error
         except Exception as error:
             said = f"{type(error).__name__}: {error}"
-            raise BadInput(f"the workers of {self.name} cannot run trials: {said}") from error
+            raise InputError(f"the workers of {self.name} cannot run trials: {said}") from error
 
     def _differs(self, theirs: str) -> str:
         if self.processes is not None:

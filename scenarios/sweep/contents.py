@@ -7,23 +7,23 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from scenarios.cli import BadInput
 from scenarios.sweep.store import complaint
+from slam.cli import InputError
 
 
 def contents(path: Path) -> Iterator[str]:
     """Lines: answers, failures and seconds per trial by study and method, then every traceback.
 
-    Raises `BadInput` where the file is none of a sweep's.
+    Raises `InputError` where the file is none of a sweep's.
     """
     if not path.is_file():
-        raise BadInput(f"{path}: expected the file of a sweep")
+        raise InputError(f"{path}: expected the file of a sweep")
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=0.0)) as file:
             yield from _counts(file)
             yield from _tracebacks(file)
     except sqlite3.Error as error:
-        raise BadInput(f"{path}: {complaint(error)}") from error
+        raise InputError(f"{path}: {complaint(error)}") from error
 
 
 def _counts(file: sqlite3.Connection) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from scenarios.sweep.attempt import Answering, Prepare, Prepared, attempt, prepared
 from scenarios.sweep.outcome import Outcome
-from scenarios.sweep.pool import Pool, WorkersDied
+from scenarios.sweep.pool import Pool, WorkersDiedError
 from scenarios.sweep.trial import Trial
 from scenarios.sweep.version import code_version
 
@@ -58,14 +58,14 @@ class Course:
         """Let the trials of a drive begin; where workers died of preparing it, to be told so."""
         try:
             self.pool.check(job)
-        except WorkersDied as death:
+        except WorkersDiedError as death:
             drive.given = Prepared(traceback=str(death))
         drive.ready = True
 
     def _outcome(self, job: Any) -> Outcome:
         try:
             return self.pool.result(job)
-        except WorkersDied as death:
+        except WorkersDiedError as death:
             return Outcome(traceback=str(death))
 
     def _fill(self) -> bool:

@@ -19,13 +19,13 @@ class Pool(Protocol):
         """Jobs that have ended since the last call; waits a while for one."""
 
     def check(self, job: Any) -> None:
-        """Raises `WorkersDied` for a job that did not end well."""
+        """Raises `WorkersDiedError` for a job that did not end well."""
 
     def result(self, job: Any) -> Any:
-        """What a job that has ended came to. Raises `WorkersDied`."""
+        """What a job that has ended came to. Raises `WorkersDiedError`."""
 
 
-class WorkersDied(Exception):  # noqa: N818
+class WorkersDiedError(Exception):
     """Worker after worker died of a job; the message says how many."""
 
 

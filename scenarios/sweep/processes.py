@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from scenarios.cli import BadInput
+from slam.cli import InputError
 
 SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 HOPELESS = 20
@@ -31,7 +31,7 @@ class Processes:
             process.communicate()
 
     def tend(self, useful: bool) -> None:
-        """Replace the dead; ``useful``: a job has ended since the last call. Raises `BadInput` in the end."""
+        """Replace the dead; ``useful``: a job ended since the last call. Raises `InputError` in the end."""
         self.deaths = 0 if useful else self.deaths
         for k, process in enumerate(self.running):
             if process.poll() is None:
@@ -39,7 +39,7 @@ class Processes:
             process.communicate()
             self.deaths += 1
             if self.deaths > HOPELESS:
-                raise BadInput(f"workers die as they start, the last with exit code {process.returncode}")
+                raise InputError(f"workers die as they start, the last with exit code {process.returncode}")
             self.running[k] = self._start()
 
     def _start(self) -> subprocess.Popen[bytes]:

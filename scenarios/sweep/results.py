@@ -6,11 +6,11 @@ import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from scenarios.cli import BadInput
+from slam.cli import InputError
 
 
 def write_results(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
-    """Rows as CSV, whole or not at all. Raises `BadInput` where the disk will not have it."""
+    """Rows as CSV, whole or not at all. Raises `InputError` where the disk will not have it."""
     partial = path.with_name(f"{path.name}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -20,4 +20,4 @@ def write_results(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str
             table.writerows(rows)
         partial.replace(path)
     except OSError as error:
-        raise BadInput(f"{path}: {error.strerror or error}") from error
+        raise InputError(f"{path}: {error.strerror or error}") from error

@@ -7,10 +7,10 @@ import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
-from scenarios.cli import BadInput
 from scenarios.sweep.outcome import Outcome
 from scenarios.sweep.trial import Trial
 from scenarios.sweep.version import code_version
+from slam.cli import InputError
 
 APPLICATION = 0x736C616D
 """Marks a file as a sweep's (SQLite's application_id)."""
@@ -44,7 +44,7 @@ class Store:
         return None if found is None else Outcome(*found)
 
     def keep(self, trial: Trial, outcome: Outcome) -> None:
-        """Write an outcome; once this returns, no kill takes it away. Raises `BadInput` on a full disk."""
+        """Write an outcome; once this returns, no kill takes it away. Raises `InputError` on a full disk."""
         row = (
             *(*trial.key, code_version(), trial.config_text, outcome.rows, outcome.payload),
             *(outcome.traceback, outcome.seconds, outcome.preparing),
@@ -53,7 +53,7 @@ class Store:
             with self.connection:
                 self.connection.execute(f"INSERT OR REPLACE INTO trial VALUES ({_marks(row)})", row)
         except sqlite3.OperationalError as error:
-            raise BadInput(f"{self.path}: {error}; {self.kept}") from error
+            raise InputError(f"{self.path}: {error}; {self.kept}") from error
 
     @property
     def kept(self) -> str:
@@ -78,8 +78,8 @@ def _marks(row: tuple[object, ...]) -> str:
 def opened(path: Path | None, fresh: bool = False) -> Iterator[Store]:
     """The store in a file, made where there is none and emptied where it is to be ``fresh``; None: in memory.
 
-    Raises `BadInput` where the file is something else, of other code, in use, or cannot be written. What was
-    made here is taken away again when nothing was kept in it.
+    Raises `InputError` where the file is something else, of other code, in use, or cannot be written. What
+    was made here is taken away again when nothing was kept in it.
     """
     made = [] if path is None else [one for one in (path, *path.parents) if not one.exists()]
     try:
@@ -111,12 +111,12 @@ def _connected(path: Path | None, fresh: bool) -> sqlite3.Connection:
             if fresh:
                 connection.execute("DELETE FROM trial")
         _same_code(connection, path)
-    except (sqlite3.Error, OSError, BadInput) as error:
+    except (sqlite3.Error, OSError, InputError) as error:
         if connection is not None:
             connection.close()
-        if isinstance(error, BadInput):
+        if isinstance(error, InputError):
             raise
-        raise BadInput(f"{path}: {complaint(error)}") from error
+        raise InputError(f"{path}: {complaint(error)}") from error
     return connection
 
 
@@ -127,14 +127,14 @@ def _claim(connection: sqlite3.Connection, path: Path | None) -> None:
     if mark == 0 and tables == 0:
         connection.execute(f"PRAGMA application_id = {APPLICATION}")
     elif mark != APPLICATION:
-        raise BadInput(f"{path}: expected a file made by a sweep, found another SQLite file")
+        raise InputError(f"{path}: expected a file made by a sweep, found another SQLite file")
 
 
 def _same_code(connection: sqlite3.Connection, path: Path | None) -> None:
     ours = code_version()
     other = connection.execute("SELECT version FROM trial WHERE version <> ?", (ours,)).fetchone()
     if other is not None:
-        raise BadInput(
+        raise InputError(
             f"{path}: made by slamstitch {other[0]}, this is {ours}: "
             "expected another --out, or --fresh to run everything again"
         )

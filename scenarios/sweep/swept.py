@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from scenarios.cli import BadInput
 from scenarios.sweep.attempt import Answering, Prepare
-from scenarios.sweep.cluster import SchedulerGone, pool
+from scenarios.sweep.cluster import SchedulerLostError, pool
 from scenarios.sweep.course import Course, Numbered
 from scenarios.sweep.ledger import Each, Ledger
 from scenarios.sweep.outcome import Outcome
 from scenarios.sweep.progress import Progress, showing
 from scenarios.sweep.store import Store, opened
 from scenarios.sweep.trial import Answer, Failure, Trial
+from slam.cli import InputError
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def sweep(
     workers become free, and ``each(trial, answer)`` is called in the order of trials as they are known.
     Workers are those of the ``scheduler``, or so many processes here, 0 for one per core; 1 is this process.
 
-    Raises `BadInput` where the store or the scheduler cannot be used, or is lost; what is done stays kept.
+    Raises `InputError` where the store or the scheduler cannot be used, or is lost; what is done stays kept.
     """
     asked = iter(trials)
     first = next(asked, None)
@@ -97,11 +97,11 @@ def unanswered(
 
 
 def run(course: Course, store: Store, ledger: Ledger, progress: Progress) -> None:
-    """Keep every outcome as it comes. Raises `BadInput` when the scheduler is lost on the way."""
+    """Keep every outcome as it comes. Raises `InputError` when the scheduler is lost on the way."""
     try:
         for (number, trial), outcome in course.outcomes():
             store.keep(trial, outcome)
             progress.finished(outcome.traceback is not None)
             ledger.put(number, outcome)
-    except SchedulerGone as error:
-        raise BadInput(f"{error}; {store.kept}") from error
+    except SchedulerLostError as error:
+        raise InputError(f"{error}; {store.kept}") from error

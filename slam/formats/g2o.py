@@ -9,7 +9,7 @@ import numpy as np
 
 from slam.formats.errors import FormatError
 from slam.formats.text import decode, numbers, read_bytes
-from slam.posegraph import PoseGraph
+from slam.graph.pose_graph import PoseGraph
 
 UPPER = np.triu_indices(3)
 """Order of an edge's information: I11 I12 I13 I22 I23 I33."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from slam.formats.errors import FormatError
 from slam.formats.text import decode, read_bytes
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205

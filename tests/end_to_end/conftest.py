@@ -36,8 +36,8 @@ Command = Callable[..., Finished]
 
 def run_command(*words: object) -> Finished:
     """``python -m scenarios.run WORDS``."""
-    from scenarios.cli import main
     from scenarios.run import COMMAND, Options, run
+    from slam.cli import main
 
     stdout, stderr = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch:

@@ -9,10 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from scenarios.cli import BadInput
 from scenarios.report import __main__ as report
 from scenarios.report import album, stitching, view
 from scenarios.run_folder.reading import read
+from slam.cli import InputError
 from slam.formats import load
 
 
@@ -107,5 +107,5 @@ def test_a_damaged_folder_is_bad_input(name, content, complaint, done, tmp_path)
             (tmp_path / path.name).symlink_to(path)
         (tmp_path / name).unlink()
         (tmp_path / name).write_text(content)
-    with pytest.raises(BadInput, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         read(tmp_path)

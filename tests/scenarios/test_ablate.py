@@ -23,11 +23,11 @@ from scenarios.ablate.summary import ALL, Share, lines
 from scenarios.ablate.trial import Row, Variant, drawn_prior, judged
 from scenarios.ablate.visits import rearranged
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput
 from scenarios.sweep import Answer, Trial, sweep
 from sim.floorplan import Prism, box, cupboard, table
 from slam import se2
-from slam.occupancy import Grid
+from slam.cli import InputError
+from slam.mapping.occupancy import Grid
 from stitch.align import NoStitch, Stitch
 
 Command = Callable[..., Any]
@@ -308,5 +308,5 @@ def test_lists_of_names_and_seeds() -> None:
     assert chosen("b, a,b", ["a", "b"], "method") == ["b", "a"]
     assert seeds_of("3-5") == [3, 4, 5]
     assert seeds_of("7") == [7]
-    with pytest.raises(BadInput, match="expected a method"):
+    with pytest.raises(InputError, match="expected a method"):
         chosen(" ,", ["a"], "method")

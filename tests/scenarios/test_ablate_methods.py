@@ -17,10 +17,10 @@ from scenarios.ablate.drives import LAST, Drive, answer, drive_of, recorded, tri
 from scenarios.ablate.standing import EVERYWHERE, Comparison, comparisons, interval, standings
 from scenarios.ablate.standing_table import print_standings
 from scenarios.ablate.study.methods import Options, checked, counted, run
-from scenarios.cli import BadInput
 from scenarios.methods import METHODS
 from scenarios.source import Source
 from scenarios.sweep import sweep
+from slam.cli import InputError
 from slam.recording import Laser, Recording
 
 LINE = np.column_stack([0.1 * np.arange(30.0), np.zeros(30), np.zeros(30)])
@@ -245,7 +245,7 @@ def test_seeds_are_a_count_a_range_or_a_list() -> None:
     assert counted("3") == [0, 1, 2]
     assert counted("3-5") == [3, 4, 5]
     assert counted("7,9") == [7, 9]
-    with pytest.raises(BadInput, match="at least one"):
+    with pytest.raises(InputError, match="at least one"):
         counted("0")
 
 
@@ -265,7 +265,7 @@ def test_seeds_are_a_count_a_range_or_a_list() -> None:
     ],
 )
 def test_bad_input_is_refused_before_anything_is_done(options: Options, complaint: str) -> None:
-    with pytest.raises(BadInput) as refusal:
+    with pytest.raises(InputError) as refusal:
         checked(options)
     assert complaint in str(refusal.value)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.cli import BadInput
 from scenarios.report import __main__ as command
 from scenarios.report.audit import FILE, Patches, audit, interchanged, read, run
 from slam import se2
+from slam.cli import InputError
 
 
 def patches(lost: set[int], unmatched: set[int], n: int = 40) -> Patches:
@@ -85,12 +85,12 @@ def test_patches_are_read_as_published(tmp_path: Path) -> None:
 )
 def test_a_file_that_is_something_else_is_told_of(tmp_path: Path, text: str, complaint: str) -> None:
     (tmp_path / FILE).write_text(text)
-    with pytest.raises(BadInput, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         read(tmp_path / FILE)
 
 
 def test_nothing_to_tell_apart_is_told_of() -> None:
-    with pytest.raises(BadInput, match="nothing to tell apart"):
+    with pytest.raises(InputError, match="nothing to tell apart"):
         audit(patches(lost=set(), unmatched=set()))
 
 

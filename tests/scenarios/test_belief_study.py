@@ -16,9 +16,9 @@ from scenarios.ablate.harvesting import both_ways
 from scenarios.ablate.lessons import STRANGERS, Lessons, crossed, fit, lessons, strangers
 from scenarios.ablate.pairs import Harvest, Pair, is_moved
 from scenarios.ablate.study.belief import LENGTHS, Options, accepted_lines, packed, run, unpacked
-from scenarios.cli import BadInput
+from slam.cli import InputError
 from slam.se2 import Array
-from stitch.belief import Network
+from stitch.alignment.acceptance import Network
 from tests.scenarios.tiny_pair import tiny_pair
 
 
@@ -155,7 +155,7 @@ def test_accepted_are_those_believed_and_allowed() -> None:
     ],
 )
 def test_bad_options(options: Options, complaint: str) -> None:
-    with pytest.raises(BadInput, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         run(options)
 
 

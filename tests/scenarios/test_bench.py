@@ -20,9 +20,9 @@ from scenarios.bench.figure import Figure, seconds
 from scenarios.bench.measured import Asked, Measured, Table
 from scenarios.bench.suite import sim as bench
 from scenarios.bench.table import number
-from scenarios.cli import main
 from scenarios.stages import Stages
 from sim.laser import Raycaster
+from slam.cli import main
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 

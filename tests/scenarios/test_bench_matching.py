@@ -15,9 +15,9 @@ from scenarios.bench.matching import pairs as making
 from scenarios.bench.matching.matchers import ABLATION, OURS, VARIANTS, Variant
 from scenarios.bench.matching.scores import Answer, Matcher, measure, score, wilson
 from scenarios.bench.matching.speed import times
-from scenarios.cli import main
 from scenarios.report import corridor
 from slam import se2
+from slam.cli import main
 from slam.matching import Match, NoMatch
 from slam.recording import Recording
 

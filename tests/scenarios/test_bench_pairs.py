@@ -12,9 +12,9 @@ from scenarios.bench.matching import pairs as making
 from scenarios.bench.matching.matchers import OURS
 from scenarios.bench.matching.scores import measure
 from scenarios.bench.suite import matching as bench
-from scenarios.cli import BadInput
 from sim.laser import Raycaster
 from slam import se2
+from slam.cli import InputError
 from slam.formats import recording_npz
 
 # Pairs
@@ -104,7 +104,7 @@ def test_logs_that_cannot_be_used_are_bad_input(logs, tmp_path, built):
     drive = recording_npz.read(logs / making.INTEL)
     (tmp_path / making.EXPERIMENT_1).parent.mkdir(parents=True)
     recording_npz.write(tmp_path / making.EXPERIMENT_1, drive)
-    with pytest.raises(BadInput, match=r"Robot1.log.*true poses"):
+    with pytest.raises(InputError, match=r"Robot1.log.*true poses"):
         bench.pair_sets(bench.Asked(3, 0, tmp_path), np.random.default_rng(0))
 
 

@@ -245,7 +245,7 @@ def test_the_hospital_has_a_hall_too_wide_for_its_laser(hospital):
 
 def test_the_report_s_matcher_loses_its_place_in_the_hospital(hospital):
     """Between 2 and 15 % of the steps that ManifoldSLAM tries have no match at all."""
-    from slam.frontend import MANIFOLD_SLAM, track
+    from slam.odometry.tracker import MANIFOLD_SLAM, track
 
     trace = track(hospital.recording, MANIFOLD_SLAM).confidence["trace2"]
     assert 0.02 < np.isinf(trace).sum() / (~np.isnan(trace)).sum() < 0.15

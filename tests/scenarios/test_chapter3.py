@@ -15,10 +15,11 @@ import pytest
 from scenarios.report import __main__ as command
 from scenarios.report import chapter3, shapes
 from slam import se2
-from stitch import NoStitch, Prior, Stitch, align, hough
-from stitch.htms import DIRECTIONS, dominant_direction, four_hypotheses
-from stitch.rotation import cross_correlation, hypotheses
-from stitch.translation import by_spectra, profile
+from stitch import NoStitch, Prior, Stitch, align
+from stitch.alignment import hough
+from stitch.alignment.rotation import cross_correlation, hypotheses
+from stitch.alignment.translation import by_spectra, profile
+from stitch.published.htms import DIRECTIONS, dominant_direction, four_hypotheses
 
 
 def spectrum(points: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation import DEFINITIONS, cost, evaluate
 from slam.recording import Laser, Recording, Relations
+from stitch.mapping.estimate import Estimate
 
 
 @pytest.fixture

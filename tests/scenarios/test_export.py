@@ -127,7 +127,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from scenarios.cli import main
+    from slam.cli import main
 
     angles = np.sort(np.random.default_rng(0).uniform(-2, 2, len(drive.angles)))
     recording_npz.write(file.parent / "uneven.npz", replace(drive, angles=angles))

@@ -14,9 +14,9 @@ from scenarios.ablate.examples import Examples, fit, fit_guided
 from scenarios.ablate.pairs import Harvest, Pair
 from scenarios.ablate.study.likeness import Options, run
 from scenarios.ablate.trial import LIMIT, apart, drawn_prior, is_right
-from scenarios.cli import BadInput
+from slam.cli import InputError
 from slam.se2 import Array
-from stitch.config import AlignConfig
+from stitch.alignment.config import AlignConfig
 from tests.scenarios.tiny_pair import tiny_pair
 
 
@@ -125,7 +125,7 @@ def test_right_is_measured_where_the_maps_meet() -> None:
 def test_the_table_is_that_of_the_code(
     pair: Pair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    """One building of one pair, and one without any: what is printed can be pasted over stitch.likeness.
+    """One building of one pair, and one without any: what is printed can be pasted over its weights.
     Furniture is moved in both, besides the pairs in which it is not."""
     asked = []
 
@@ -151,7 +151,7 @@ def test_the_table_is_that_of_the_code(
 
 def test_one_kind_of_alignments_teaches_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(scenarios.ablate.harvesting, "harvest", lambda *_, **__: Harvest((), 0, 0))
-    with pytest.raises(BadInput, match="right and wrong alignments"):
+    with pytest.raises(InputError, match="right and wrong alignments"):
         run(Options(scenarios="beehive", seeds="200", workers=1, out=tmp_path))
 
 
@@ -173,5 +173,5 @@ def test_reported_seeds_are_refused(ablate: Callable[..., Any]) -> None:
     ],
 )
 def test_bad_options(options: Options, complaint: str) -> None:
-    with pytest.raises(BadInput, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         run(options)

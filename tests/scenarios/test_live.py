@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenarios.estimate import Estimate, Live, NoEstimate
 from scenarios.evaluation import COST, DEFINITIONS, evaluate
 from scenarios.evaluation.live import live_metrics
 from slam.recording import Laser, Recording
+from stitch.mapping.estimate import Estimate, Live, NoEstimate
 
 
 def test_latency_in_milliseconds_and_error_after_alignment():

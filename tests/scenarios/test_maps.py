@@ -3,7 +3,7 @@ import pytest
 
 from scenarios.evaluation.maps import compare, map_metrics, occupied_cells, true_map
 from slam import se2
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.recording import Laser, Recording
 
 

@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.cli import BadInput
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.methods import FAIR, METHODS, ONLINE, SEES_TRUTH
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.loops import BACK_ENDS, Closed, LoopConfig, settled, with_false, with_stitches
 from scenarios.methods.oracle import failures, with_true_failures
-from scenarios.methods.slamstitch import between, chop, settled_start, upheld
 from scenarios.run import Options
 from sim.laser import Raycaster
 from slam import se2
-from slam.posegraph import PoseGraph
+from slam.cli import InputError
+from slam.graph.pose_graph import PoseGraph
+from slam.odometry.segmentation import Segment
+from slam.odometry.track import Track, Verdict
 from slam.recording import Laser, Recording
 from slam.se2 import Array
-from slam.segmentation import Segment
-from slam.track import Track, Verdict
 from stitch.align import NoStitch, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
+from stitch.mapping.loop_closure import BACK_ENDS, Closed, LoopConfig, settled, with_false, with_stitches
+from stitch.mapping.offline import between, chop, settled_start, upheld
 
 ANGLES = np.radians(np.linspace(-110.0, 110.0, 111))
 LASER = Laser(range_max=8.0)
@@ -224,8 +224,8 @@ def test_a_stitch_that_the_bundle_refutes_is_switched_off(off: tuple[float, ...]
     anchors = np.array([[0.0, 0.0, 0.5], [3.0, 1.0, -2.0]])
     T_a_b = se2.compose(se2.between(*anchors), np.array(off))
     tried = (
-        TriedStitch(0, 1, Stitch(T_a_b, np.eye(3), 9.0, 20.0, 1.0, (), 3.0), weight=1.0),
-        TriedStitch(0, 1, NoStitch("overlap")),
+        LoopCandidate(0, 1, Stitch(T_a_b, np.eye(3), 9.0, 20.0, 1.0, (), 3.0), weight=1.0),
+        LoopCandidate(0, 1, NoStitch("overlap")),
     )
     found, refused = upheld(tried, anchors)
     assert found.accepted == kept
@@ -242,7 +242,7 @@ def test_the_graph_has_nodes_where_nothing_was_matched() -> None:
 
 @pytest.mark.parametrize("name", SEES_TRUTH)
 def test_who_needs_the_truth_says_so_in_one_line(name: str) -> None:
-    with pytest.raises(BadInput, match=r"^oracle: expected a recording with truth, circle has none$"):
+    with pytest.raises(InputError, match=r"^oracle: expected a recording with truth, circle has none$"):
         METHODS[name](replace(drive("ins"), truth=None), config())
 
 
@@ -312,8 +312,8 @@ def looped() -> tuple[PoseGraph, Closed]:
     ]
     graph = with_stitches(line, list(zip(pairs, stitches, strict=True)))
     solution = settled(graph, "gnc")
-    tried = [TriedStitch(a, b, s, 1.0) for (a, b), s in zip(pairs, stitches, strict=True)]
-    return line, Closed(graph, solution.poses, (tried[0], TriedStitch(1, 7, NoStitch("no")), tried[1]))
+    tried = [LoopCandidate(a, b, s, 1.0) for (a, b), s in zip(pairs, stitches, strict=True)]
+    return line, Closed(graph, solution.poses, (tried[0], LoopCandidate(1, 7, NoStitch("no")), tried[1]))
 
 
 @pytest.mark.parametrize("back_end", BACK_ENDS)
@@ -352,7 +352,7 @@ def test_injected_stitches_are_a_share_are_wrong_and_claim_what_true_ones_do() -
 
 def test_nothing_is_injected_where_nothing_was_stitched() -> None:
     line, _ = looped()
-    closed = Closed(line, line.poses, (TriedStitch(1, 7, NoStitch("no")),))
+    closed = Closed(line, line.poses, (LoopCandidate(1, 7, NoStitch("no")),))
     assert with_false(closed, line.poses, LoopConfig(injected=0.5), np.random.default_rng(0)) is closed
 
 

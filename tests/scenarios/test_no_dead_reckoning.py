@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.cli import BadInput
-from scenarios.estimate import Estimate, NoEstimate
 from scenarios.methods import METHODS, NEEDS_DEAD_RECKONING, answer, hopeless
 from scenarios.methods.config import MethodConfig
 from scenarios.run import costs, with_answer
 from sim.laser import Raycaster
 from slam import se2
+from slam.cli import InputError
 from slam.recording import Laser, Odometry, Recording
 from slam.se2 import Array
+from stitch.mapping.estimate import Estimate, NoEstimate
 
 ANGLES = np.radians(np.linspace(-110.0, 110.0, 111))
 LASER = Laser(range_max=8.0)
@@ -65,7 +65,7 @@ def test_methods_that_need_it_have_no_answer(name):
     found = answer(name, recording, MethodConfig())
     assert isinstance(found, NoEstimate)
     assert "the recording has none" in found.reason or "no dead reckoning" in found.reason
-    with pytest.raises(BadInput, match=f"{name}: "):
+    with pytest.raises(InputError, match=f"{name}: "):
         METHODS[name](recording, MethodConfig())
     assert isinstance(answer(name, drive(), MethodConfig()), Estimate)
 
@@ -78,7 +78,7 @@ def test_a_drive_that_cannot_be_followed_is_refused():
     found = answer("slamstitch", replace(recording, ranges=ranges), MethodConfig())
     assert isinstance(found, NoEstimate)
     assert "23% of the scans could be matched" in found.reason
-    with pytest.raises(BadInput, match="slamstitch: 23% of the scans"):
+    with pytest.raises(InputError, match="slamstitch: 23% of the scans"):
         with_answer([found])
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from scenarios.bench import realism
 from scenarios.bench.realism import Figure
-from scenarios.cli import BadInput
 from slam import se2
+from slam.cli import InputError
 from slam.formats import load, recording_npz
 from slam.recording import Laser, Recording
 from slam.se2 import Array
@@ -158,7 +158,7 @@ def test_truth_is_needed() -> None:
 )
 def test_bad_input(log: str | None, seeds: int, scenario: str, message: str, tmp_path: Path) -> None:
     recording_npz.write(tmp_path / "blind.npz", replace(recording(around(5)), truth=None))
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         realism.against_simulated(None if log is None else tmp_path / log, seeds, scenario)
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation import cost, evaluate
 from scenarios.evaluation.metric import Metric, measured, missing
 from scenarios.report import figures
@@ -17,11 +16,12 @@ from scenarios.report.style import panels, png
 from scenarios.report.table import print_table, tabulate, to_rich
 from scenarios.report.verdict import scores, verdict
 from scenarios.stages import Cost
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
+from slam.mapping.submap import Submap
+from slam.odometry.track import Track
 from slam.recording import Laser, Recording
 from slam.scan import Scan
-from slam.submap import Submap
-from slam.track import Track
+from stitch.mapping.estimate import Estimate
 
 N = 40
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.evaluation import evaluate
 from scenarios.report import compare
 from scenarios.report.album import drawings
@@ -25,11 +24,12 @@ from sim.smoke import Smoke
 from sim.terrain import Terrain
 from sim.world import World
 from slam import se2
-from slam.frontend import MANIFOLD_SLAM, track
+from slam.mapping.submap import cut
+from slam.odometry.tracker import MANIFOLD_SLAM, track
 from slam.recording import Recording
 from slam.scan import scans_of
-from slam.submap import cut
-from stitch.result import Alternative, NoStitch, Stitch
+from stitch.alignment.result import Alternative, NoStitch, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -96,7 +96,7 @@ def stitched(recording: Recording) -> Estimate:
         (NoStitch("ambiguity 0.9", Alternative(T, 1.0)), None),
         (NoStitch("no candidate"), None),
     ]
-    tried = tuple(TriedStitch(0, 1, result, weight) for result, weight in results)
+    tried = tuple(LoopCandidate(0, 1, result, weight) for result, weight in results)
     sure = np.tile(1e-3 * np.eye(3), (n, 1, 1))
     return Estimate("slamstitch", found.poses, sure, found, (a, b), tried)
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.cli import BadInput
 from scenarios.report import __main__ as command
 from scenarios.report import compare
 from scenarios.report.comparing.comparison import comparisons
 from scenarios.report.comparing.drives import gathered
 from scenarios.report.comparing.strip import strip
 from scenarios.report.comparing.words import printed
+from slam.cli import InputError
 
 
 def a_run(folder: Path, scenario: str, seed: int, values: dict[str, dict[str, float | None]]) -> Path:
@@ -161,7 +161,7 @@ def test_errors_of_many_sizes_are_shown_on_a_logarithmic_axis(tmp_path):
 )
 def test_what_is_no_run_is_refused_in_a_line(name, content, complaint, tmp_path):
     (tmp_path / name).write_text(content)
-    with pytest.raises(BadInput, match=re.escape(complaint)):
+    with pytest.raises(InputError, match=re.escape(complaint)):
         gathered([tmp_path])
 
 
@@ -171,5 +171,5 @@ def test_old_pages_among_the_runs_are_passed_over(runs, capsys):
 
 
 def test_a_page_that_cannot_be_written_is_bad_input(runs):
-    with pytest.raises(BadInput, match="cannot be written"):
+    with pytest.raises(InputError, match="cannot be written"):
         command.run(command.Options((str(runs / "latest"),), Path("/proc/none/c.html")))

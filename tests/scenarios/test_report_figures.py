@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.report import spread, stitching, tiles
 from scenarios.report.album import Drawing, drawings, false_stitches, write
 from scenarios.report.shapes import drawn, points_on, rooms
 from scenarios.report.style import BLACK, BLUE, ORANGE, VERMILLION
 from slam import se2
 from slam.recording import Laser, Recording
-from stitch.config import AlignConfig
-from stitch.result import Alternative, NoStitch, Stitch
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.result import Alternative, NoStitch, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 WALLS = points_on(rooms())
 T = np.array([0.6, -0.4, np.radians(30.0)])
@@ -32,10 +32,10 @@ def estimate() -> Estimate:
     T_true = se2.between(poses[0], poses[5])
     right = Stitch(T_true, 1e-4 * np.eye(3), 3.0, 5.0, 0.9)
     tried = (
-        TriedStitch(0, 1, right, 1.0),
-        TriedStitch(0, 1, replace(right, T_a_b=T_true + np.array([1.0, 0.0, 0.0])), 1.0),
-        TriedStitch(0, 1, NoStitch("refused", Alternative(T_true, 1.0))),
-        TriedStitch(0, 1, NoStitch("no candidate")),
+        LoopCandidate(0, 1, right, 1.0),
+        LoopCandidate(0, 1, replace(right, T_a_b=T_true + np.array([1.0, 0.0, 0.0])), 1.0),
+        LoopCandidate(0, 1, NoStitch("refused", Alternative(T_true, 1.0))),
+        LoopCandidate(0, 1, NoStitch("no candidate")),
     )
     sure = np.tile(np.diag([1e-2, 1e-4, 1e-4]), (N, 1, 1))
     return Estimate("m", poses, sure, submaps=(a, replace(b, start=5, stop=N)), stitches=tried)

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.report.cuts import cuts
 from scenarios.report.evidence import RESOLUTION, Walls, axes, rotation_correlation, surface
 from scenarios.report.live.drive import drive
@@ -25,10 +24,11 @@ from scenarios.report.pieces import merged
 from scenarios.report.shapes import drawn, points_on, rooms
 from scenarios.report.spread import ellipses, in_axes
 from slam import se2
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.recording import Laser, Recording
-from stitch.config import AlignConfig
-from stitch.result import NoStitch, Stitch
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.result import NoStitch, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 
 def unpacked(told: dict) -> np.ndarray:
@@ -149,10 +149,10 @@ def estimate() -> Estimate:
     b = replace(b, start=5, stop=9, anchor=np.array([1.0, 0.0, 0.0]))
     right = Stitch(T, 1e-4 * np.eye(3), 3.0, 5.0, 0.9)
     tried = (
-        TriedStitch(0, 1, right, 1.0),
-        TriedStitch(0, 1, replace(right, T_a_b=T + np.array([1.0, 0.0, 0.0])), 1.0),
-        TriedStitch(0, 1, right, 0.1),
-        TriedStitch(0, 1, NoStitch("no candidate")),
+        LoopCandidate(0, 1, right, 1.0),
+        LoopCandidate(0, 1, replace(right, T_a_b=T + np.array([1.0, 0.0, 0.0])), 1.0),
+        LoopCandidate(0, 1, right, 0.1),
+        LoopCandidate(0, 1, NoStitch("no candidate")),
     )
     poses = np.zeros((9, 3))
     poses[5:] = T
@@ -187,7 +187,7 @@ def test_the_evidence_peaks_at_the_true_alignment(estimate):
 
 def test_a_piece_of_htms_is_shown_with_all_before_it(estimate):
     htms = replace(
-        estimate, method="htms", stitches=(*estimate.stitches[:1], TriedStitch(0, 2, NoStitch("x")))
+        estimate, method="htms", stitches=(*estimate.stitches[:1], LoopCandidate(0, 2, NoStitch("x")))
     )
     before = merged(htms, 2).points
     assert len(before) > len(merged(htms, 1).points)

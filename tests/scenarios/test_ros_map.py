@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from scenarios.catalogue.ros_map import MappedBuilding
-from scenarios.cli import BadInput, Pose, main, parse
 from scenarios.run import COMMAND, Options, checked, run
 from scenarios.source import simulated
 from sim.record import simulate
 from slam import se2
+from slam.cli import InputError, Pose, main, parse
 from slam.formats import ros_map
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 
 RESOLUTION, ORIGIN = 0.05, np.array([-2.0, 1.0])
 
@@ -110,7 +110,7 @@ def no_map(file: Path) -> None:
 )
 def test_maps_nobody_can_drive_through(spoil: object, message: str, file: Path) -> None:
     spoil(file)  # type: ignore[operator]
-    with pytest.raises(BadInput, match=message) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         simulated(str(file), 0)
     assert "\n" not in str(caught.value)
 
@@ -123,7 +123,7 @@ def test_maps_nobody_can_drive_through(spoil: object, message: str, file: Path) 
     ],
 )
 def test_starts_where_no_robot_can_be(start: Pose, message: str, file: Path) -> None:
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         simulated(str(file), 0, start)
 
 
@@ -140,7 +140,7 @@ def test_options_that_a_map_does_not_have(
 ) -> None:
     monkeypatch.chdir(file.parent)
     monkeypatch.setattr("sys.argv", ["run", *arguments])
-    with pytest.raises(BadInput, match=message):
+    with pytest.raises(InputError, match=message):
         checked(parse(Options, COMMAND))
 
 

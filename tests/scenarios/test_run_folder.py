@@ -4,19 +4,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.cli import BadInput
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.run_folder import Run, check, prepare, publish
 from scenarios.run_folder.place import safe
 from scenarios.run_folder.plain import plain
 from scenarios.run_folder.report import page
 from scenarios.run_folder.stitches import segments, stories
-from slam.occupancy import Grid
+from slam.cli import InputError
+from slam.mapping.occupancy import Grid
+from slam.mapping.submap import Submap
+from slam.odometry.track import Verdict
 from slam.recording import Laser, Recording
 from slam.scan import Scan
-from slam.submap import Submap
-from slam.track import Verdict
 from stitch.align import Alternative, NoStitch, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 TRUTH = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
 
@@ -36,10 +36,10 @@ ESTIMATE = Estimate(
     TRUTH,
     submaps=(submap(0, 2), submap(2, 3), submap(3, 4)),
     stitches=(
-        TriedStitch(0, 1, stitch(2.1), 1.0),
-        TriedStitch(0, 2, stitch(3.5), 1.0),
-        TriedStitch(1, 2, stitch(1.0, np.radians(5), alternatives=(Alternative(np.zeros(3), 1.0),)), 0.0),
-        TriedStitch(1, 2, NoStitch("no overlap", Alternative(np.ones(3), 2.0))),
+        LoopCandidate(0, 1, stitch(2.1), 1.0),
+        LoopCandidate(0, 2, stitch(3.5), 1.0),
+        LoopCandidate(1, 2, stitch(1.0, np.radians(5), alternatives=(Alternative(np.zeros(3), 1.0),)), 0.0),
+        LoopCandidate(1, 2, NoStitch("no overlap", Alternative(np.ones(3), 2.0))),
     ),
 )
 
@@ -114,7 +114,7 @@ def test_checking_makes_nothing(tmp_path):
 
 def test_a_link_to_nowhere_is_no_folder(tmp_path):
     (tmp_path / "runs").symlink_to(tmp_path / "nowhere")
-    with pytest.raises(BadInput, match="is not a folder"):
+    with pytest.raises(InputError, match="is not a folder"):
         check(tmp_path / "runs", "a")
 
 

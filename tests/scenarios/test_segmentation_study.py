@@ -24,13 +24,13 @@ from scenarios.ablate.segmentation.table import results_csv
 from scenarios.ablate.segmentation.verdict import between, verdict
 from scenarios.ablate.study import confidence, segmentation
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput
 from scenarios.evaluation.segmentation import purity, true_errors
 from scenarios.evaluation.trajectory import aligned
 from slam import se2
-from slam.confidence import MEASURES
-from slam.segmentation import THRESHOLDS, Segment
-from slam.track import Track, Verdict
+from slam.cli import InputError
+from slam.odometry.confidence import MEASURES
+from slam.odometry.segmentation import THRESHOLDS, Segment
+from slam.odometry.track import Track, Verdict
 
 Beginning = Callable[[str, float], Any]
 NAN, INF = np.nan, np.inf
@@ -345,13 +345,13 @@ def test_the_comparison_is_the_same_whatever_the_order(told: Findings) -> None:
 def test_bad_input_is_refused_before_anything_is_done(
     tmp_path: Path, options: dict[str, str], complaint: str
 ) -> None:
-    with pytest.raises(BadInput, match=re.escape(complaint)):
+    with pytest.raises(InputError, match=re.escape(complaint)):
         segmentation.run(segmentation.Options(out=tmp_path / "out", **options))  # type: ignore[arg-type]
     assert not (tmp_path / "out").exists()
 
 
 def test_nothing_is_learnt_from_reported_seeds() -> None:
-    with pytest.raises(BadInput, match="from 100 on"):
+    with pytest.raises(InputError, match="from 100 on"):
         confidence.run(confidence.Options(seeds="3"))
 
 

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.evaluation.stitches import stitch_error, stitch_metrics
 from slam import se2
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
+from slam.mapping.submap import Submap
 from slam.scan import Scan
-from slam.submap import Submap
 from stitch.align import NoStitch, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 TRUTH = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, np.pi / 2], [0, 2, np.pi]])
 
@@ -22,7 +22,7 @@ def found(T_a_b) -> Stitch:
     return Stitch(np.array(T_a_b, dtype=float), np.eye(3), 1.0, 10.0, 0.8)
 
 
-def estimate(*stitches: TriedStitch) -> Estimate:
+def estimate(*stitches: LoopCandidate) -> Estimate:
     return Estimate("htms", TRUTH, submaps=(submap(0, 2), submap(2, 4)), stitches=stitches)
 
 
@@ -32,7 +32,7 @@ def counts(est, truth=TRUTH):
 
 def test_error_by_hand():
     """Truly 1 m ahead, 2 m left, a quarter turn; found 0.3 m and 0.4 m off and 3° further."""
-    tried = TriedStitch(0, 1, found([1.3, 2.4, np.pi / 2 + np.radians(3)]))
+    tried = LoopCandidate(0, 1, found([1.3, 2.4, np.pi / 2 + np.radians(3)]))
     error = stitch_error(estimate(tried), tried, TRUTH)
     assert error.translation == pytest.approx(0.5)
     assert np.degrees(error.rotation) == pytest.approx(3.0)
@@ -43,26 +43,26 @@ def test_error_by_hand():
 )
 def test_false_beyond_30_cm_or_2_degrees(offset, false):
     stitch = found(se2.compose([1.0, 2.0, np.pi / 2], offset))
-    assert counts(estimate(TriedStitch(0, 1, stitch)))["stitches_false"] == false
+    assert counts(estimate(LoopCandidate(0, 1, stitch)))["stitches_false"] == false
 
 
 def test_only_accepted_stitches_can_be_false():
     wrong = found([9.0, 9.0, 0.0])
     est = estimate(
-        TriedStitch(0, 1, wrong, weight=0.0),
-        TriedStitch(0, 1, NoStitch("no overlap")),
-        TriedStitch(0, 1, wrong, 1.0),
+        LoopCandidate(0, 1, wrong, weight=0.0),
+        LoopCandidate(0, 1, NoStitch("no overlap")),
+        LoopCandidate(0, 1, wrong, 1.0),
     )
     assert counts(est) == {"segments": 2, "stitches_tried": 3, "stitches_accepted": 1, "stitches_false": 1}
 
 
 def test_no_alignment_has_no_error():
-    tried = TriedStitch(0, 1, NoStitch("no overlap"))
+    tried = LoopCandidate(0, 1, NoStitch("no overlap"))
     assert stitch_error(estimate(tried), tried, TRUTH) is None
 
 
 def test_without_truth_stitches_are_counted_but_not_judged():
-    metrics = {m.name: m for m in stitch_metrics(estimate(TriedStitch(0, 1, found([0, 0, 0]))), None)}
+    metrics = {m.name: m for m in stitch_metrics(estimate(LoopCandidate(0, 1, found([0, 0, 0]))), None)}
     assert metrics["stitches_accepted"].value == 1
     assert metrics["stitches_false"].reason == "the recording has no truth"
 

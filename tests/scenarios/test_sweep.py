@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 from scenarios.ablate.study import STUDIES
-from scenarios.cli import BadInput
 from scenarios.sweep import Answer, Failure, Trial, check, cluster, finish, sweep, version, write_results
 from scenarios.sweep.contents import contents
 from scenarios.sweep.progress import Progress
 from scenarios.sweep.store import Store, opened
 from scenarios.sweep.summary import told
+from slam.cli import InputError
 
 ROOT = Path(__file__).parents[2]
 
@@ -160,7 +160,7 @@ def test_other_code_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.Monke
     alone(trials(1), tmp_path / "s")
     ours = version.code_version()
     monkeypatch.setattr("scenarios.sweep.store.code_version", lambda: "9.9+abc")
-    with pytest.raises(BadInput) as refusal:
+    with pytest.raises(InputError) as refusal:
         alone(trials(1), tmp_path / "s")
     for word in (str(tmp_path / "s"), ours, "9.9+abc", "--out", "--fresh"):
         assert word in str(refusal.value)
@@ -174,7 +174,7 @@ def test_a_worker_of_other_code_is_refused_by_name(monkeypatch: pytest.MonkeyPat
     theirs = version.code_version()
     monkeypatch.setattr("scenarios.sweep.course.code_version", lambda: "9.9+abc")
     monkeypatch.setattr("scenarios.sweep.cluster.code_version", lambda: "9.9+abc")
-    with pytest.raises(BadInput, match=re.escape(f"it was 9.9+abc, now {theirs}") + "$"):
+    with pytest.raises(InputError, match=re.escape(f"it was 9.9+abc, now {theirs}") + "$"):
         sweep(trials(1), check_nothing, None, workers=2)
 
 
@@ -190,12 +190,12 @@ def test_somebody_elses_files_are_left_alone(tmp_path: Path) -> None:
     text.write_text("Dear diary" * 100)
     before = other.read_bytes(), text.read_bytes()
     for path in (other, text):
-        with pytest.raises(BadInput, match="expected a file made by a sweep"):
+        with pytest.raises(InputError, match="expected a file made by a sweep"):
             alone(trials(1), path, fresh=True)
-        with pytest.raises(BadInput, match="expected a file made by a sweep"):
+        with pytest.raises(InputError, match="expected a file made by a sweep"):
             list(contents(path))
     assert (other.read_bytes(), text.read_bytes()) == before
-    with pytest.raises(BadInput):
+    with pytest.raises(InputError):
         list(contents(tmp_path / "nothing"))
 
 
@@ -221,7 +221,7 @@ def test_a_full_disk_keeps_what_is_done(tmp_path: Path, monkeypatch: pytest.Monk
         keep(self, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Store, "keep", small)
-    with pytest.raises(BadInput, match="database or disk is full; 7 answers are kept in"):
+    with pytest.raises(InputError, match="database or disk is full; 7 answers are kept in"):
         alone(trials(10, "a"), tmp_path / "s", lambda *_: Answer([], b"x" * 20000))
     monkeypatch.undo()
     swept = alone(trials(10, "a"), tmp_path / "s", lambda *_: Answer([], b"x" * 20000))
@@ -230,10 +230,10 @@ def test_a_full_disk_keeps_what_is_done(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(BadInput, match="file"):
+    with pytest.raises(InputError, match="file"):
         alone(trials(1), tmp_path / "file" / "s")
     (tmp_path / "t.csv").mkdir()
-    with pytest.raises(BadInput, match="directory"):
+    with pytest.raises(InputError, match="directory"):
         write_results(tmp_path / "t.csv", ["a"], [{"a": 1}])
 
 
@@ -248,7 +248,7 @@ def test_a_scheduler_that_does_not_answer_leaves_nothing(
         mute.listen()
         where = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
         started = time.monotonic()
-        with pytest.raises(BadInput, match=f"{where}: expected a Dask scheduler"):
+        with pytest.raises(InputError, match=f"{where}: expected a Dask scheduler"):
             sweep(trials(1), answer, tmp_path / "new" / "s", scheduler=where)
     assert time.monotonic() - started < 8.0
     assert list(tmp_path.iterdir()) == []
@@ -266,7 +266,7 @@ def test_a_scheduler_that_does_not_answer_leaves_nothing(
 )
 def test_options_are_checked(arguments: tuple[str | None, int, Path], complaint: str) -> None:
     check("tcp://host:8786", 0, Path("new"))
-    with pytest.raises(BadInput, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         check(*arguments)
 
 
@@ -290,7 +290,7 @@ def test_no_trial_imports_what_the_version_leaves_out() -> None:
     """All that the scenarios, methods and scores are made of counts."""
     code = (
         "import sys; import scenarios.ablate.drives, scenarios.ablate.harvesting, scenarios.evaluation;"
-        "import scenarios.methods.slamstitch, scenarios.methods.htms, scenarios.methods.oracle;"
+        "import stitch.mapping.offline, scenarios.methods.htms, scenarios.methods.oracle;"
         "import scenarios.source, scenarios.rehearsal, scenarios.sweep.attempt, sim.record;"
         "print(*(m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)), sep='\\n')"
     )

@@ -153,7 +153,7 @@ def test_workers_of_a_killed_sweep_do_not_outlive_it(toy: ModuleType, tmp_path: 
     code = (
         "import sys, toy_sweep as toy, signal; from pathlib import Path; from scenarios.sweep import sweep;"
         "signal.signal(signal.SIGINT, signal.default_int_handler);"  # else as the shell has it
-        "from scenarios import cli; from dataclasses import make_dataclass;"
+        "from slam import cli; from dataclasses import make_dataclass;"
         "O = make_dataclass('O', []); trials = toy.trials(9, 5.0, sys.argv.pop());"
         "go = lambda o: sweep(trials, toy.answer, None, prepare=toy.prepare, workers=2);"
         "sys.exit(cli.main(O, 'toy', go))"

@@ -8,14 +8,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from scenarios.estimate import Estimate
 from scenarios.report import world as pictures
 from scenarios.report.album import drawings
 from sim.floorplan import box, wall
 from sim.record import Setup, SimulatedRun, simulate
 from sim.terrain import Terrain
 from sim.world import World
-from slam.frontend import MANIFOLD_SLAM, track
+from slam.odometry.tracker import MANIFOLD_SLAM, track
+from stitch.mapping.estimate import Estimate
 
 
 class Room:

@@ -7,11 +7,11 @@ import numpy as np
 from scenarios.ablate.pairs import Pair
 from sim.laser import Raycaster
 from slam import se2
-from slam.occupancy import draw
+from slam.mapping.occupancy import draw
+from slam.mapping.submap import Submap
 from slam.recording import Laser
 from slam.scan import Scan
 from slam.se2 import Array
-from slam.submap import Submap
 
 ANGLES = np.radians(np.arange(-180.0, 180.0, 2.0))
 LASER = Laser(range_max=8.0)

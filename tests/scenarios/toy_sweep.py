@@ -12,8 +12,8 @@ import time
 from functools import partial
 from pathlib import Path
 
-from scenarios.cli import BadInput
 from scenarios.sweep import Answer, Swept, Trial, cluster, sweep
+from slam.cli import InputError
 
 METHODS = ("plain", "odd")
 OFTEN = 0.1
@@ -81,5 +81,5 @@ def sweeper(port: int, store: Path, drives: int, seconds: float, log: str) -> No
     try:
         run = partial(sweep, answer=answer, store=store, prepare=prepare)
         run(trials(drives, seconds, log), scheduler=f"tcp://127.0.0.1:{port}")
-    except BadInput:
+    except InputError:
         sys.exit(2)

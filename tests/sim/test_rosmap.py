@@ -13,7 +13,7 @@ from sim.laser import Raycaster
 from sim.rosmap import wall_lines, walls
 from sim.terrain import Terrain
 from sim.world import World
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 
 RESOLUTION, ORIGIN = 0.05, np.array([-3.0, 2.0])

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.route import LONGEST, NoRoute, clearance, plan
-from slam.occupancy import Grid
+from sim.route import LONGEST, NoRouteError, clearance, plan
+from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 
 RADIUS = 0.23
@@ -143,6 +143,6 @@ WALL[30] = True
 def test_where_nobody_can_drive_it_says_why(
     drawn: Grid, start: tuple[float, float] | None, message: str
 ) -> None:
-    with pytest.raises(NoRoute, match=message) as caught:
+    with pytest.raises(NoRouteError, match=message) as caught:
         plan(drawn, RADIUS, np.random.default_rng(0), start)
     assert "\n" not in str(caught.value)

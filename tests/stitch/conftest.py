@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam.occupancy import draw
+from slam.mapping.occupancy import draw
+from slam.mapping.submap import Submap
 from slam.recording import Laser
 from slam.scan import Scan
 from slam.se2 import Array
-from slam.submap import Submap
 
 LASER = Laser(range_max=12.0)
 ANGLES = np.radians(np.arange(-180.0, 180.0, 2.0))

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import slam.matching
-import stitch.htms
-import stitch.joint
+import stitch.alignment.joint
+import stitch.published.htms
 from slam import se2
-from slam.occupancy import Grid
-from slam.submap import Submap
+from slam.mapping.occupancy import Grid
+from slam.mapping.submap import Submap
 from stitch import NoStitch, Prior, Stitch, align
 from stitch.align import AlignConfig
-from stitch.joint import search
-from stitch.raster import walls_of
-from stitch.verification import Acceptance
+from stitch.alignment.joint import search
+from stitch.alignment.raster import walls_of
+from stitch.alignment.verification import Acceptance
 
 CORRELATION = AlignConfig(refine=False)
 ANYTHING = Acceptance(
@@ -319,7 +319,7 @@ def test_htms_aligns_the_maps_to_the_dominant_direction(
         asked.append(direction)
         return np.zeros(2), 1.0
 
-    monkeypatch.setattr(stitch.htms, "by_spectra", noted)
+    monkeypatch.setattr(stitch.published.htms, "by_spectra", noted)
     align(near[0], near[1], config=HTMS)
     off = np.sin(2.0 * (np.array(asked) + near[0].anchor[2]))  # walls run along the building's axes
     np.testing.assert_allclose(off, 0.0, atol=0.03)

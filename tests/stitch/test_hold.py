@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarios.ablate.hold import hold
-from slam.submap import Submap
+from slam.mapping.submap import Submap
 
 
 @pytest.fixture(scope="module")

@@ -9,17 +9,18 @@ import numpy as np
 
 from scenarios.ablate.segmentation.drive import Driven
 from scenarios.evaluation.segmentation import true_errors
-from scenarios.methods.adjusted import adjusted
 from scenarios.methods.config import MethodConfig
-from scenarios.methods.loops import LoopConfig
-from scenarios.methods.slamstitch import stitched
-from slam import dead_reckoning, se2
-from slam.bundle import BundleConfig
+from slam import se2
+from slam.odometry import dead_reckoning
+from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, between, lost_steps
+from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
 from slam.se2 import Array
-from slam.segmentation import THRESHOLDS, Segment, SegmentationConfig, between, lost_steps
-from slam.track import Track, Verdict
 from stitch.align import align
+from stitch.mapping.adjusted import adjusted
+from stitch.mapping.bundle import BundleConfig
+from stitch.mapping.loop_closure import LoopConfig
+from stitch.mapping.offline import stitched
 
 NEVER, TRUTH = "never", "truth"
 """Nothing is cut, and just what was truly lost: what the choice of a measure can be worth at most."""

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.evaluation.segmentation import true_errors
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
+from slam.odometry.track import Track
 from slam.recording import Recording
 from slam.scan import Scan
 from slam.se2 import Array
-from slam.track import Track
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ def driven(scenario: str, seed: int) -> Driven:
     """Simulate a drive and let ManifoldSLAM track it, once for everything that follows."""
     from scenarios.evaluation.maps import true_map
     from scenarios.source import simulated
-    from slam.companions import without_companions
-    from slam.frontend import MANIFOLD_SLAM, track
+    from slam.odometry.ego_motion_filter import without_companions
+    from slam.odometry.tracker import MANIFOLD_SLAM, track
     from slam.scan import scans_of
 
     recording = simulated(scenario, seed).recording

@@ -24,8 +24,8 @@ from scenarios.report.style import (
     WIDTH,
     grid,
 )  # fmt: skip
+from slam.odometry.segmentation import THRESHOLDS
 from slam.se2 import Array
-from slam.segmentation import THRESHOLDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ from scipy.optimize import minimize
 
 from scenarios.ablate.segmentation.drive import Steps
 from scenarios.evaluation.detection import best_threshold
-from slam.combination import feature
-from slam.confidence import MEASURES
+from slam.odometry.combination import feature
+from slam.odometry.confidence import MEASURES
 from slam.se2 import Array
 
 COMBINED = "combined"

@@ -18,7 +18,7 @@ from scenarios.ablate.segmentation.statistics import Comparison, Mean
 from scenarios.ablate.segmentation.table import ABSENT, COLUMNS, cells, notes
 from scenarios.ablate.segmentation.verdict import between
 from scenarios.report.style import png
-from slam.confidence import MEASURES
+from slam.odometry.confidence import MEASURES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

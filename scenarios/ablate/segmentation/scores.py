@@ -12,8 +12,8 @@ from scenarios.ablate.segmentation.learning import RULES
 from scenarios.ablate.segmentation.trials import DETECTION
 from scenarios.evaluation.detection import Decision, average_precision, decided, roc_auc, spearman
 from scenarios.sweep import Answer, Trial
+from slam.odometry.segmentation import THRESHOLDS
 from slam.se2 import Array
-from slam.segmentation import THRESHOLDS
 
 SCORES = {
     "auc": "chance that a lost step scores worse than another one, all steps",

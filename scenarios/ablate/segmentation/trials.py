@@ -33,7 +33,7 @@ def answer(trial: Trial, driven: Driven) -> Answer:
 
 def detected(driven: Driven) -> Answer:
     """Every measure of every step, and how often slamstitch's own front end was lost on the same drive."""
-    from slam.frontend import FrontendConfig, track
+    from slam.odometry.tracker import FrontendConfig, track
 
     steps = steps_of(driven.recording, driven.track)
     ours = steps_of(driven.recording, track(driven.recording, FrontendConfig(), driven.scans))

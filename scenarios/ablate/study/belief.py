@@ -13,7 +13,7 @@ import tyro
 from scenarios.ablate.study.likeness import REPORTED
 from scenarios.ablate.study.stitching import chosen, seeds_of
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput
+from slam.cli import InputError
 
 if TYPE_CHECKING:
     from scenarios.ablate.lessons import Lessons
@@ -26,7 +26,7 @@ LENGTHS = ((20.0, 40.0), (30.0, 60.0))
 
 @dataclass(frozen=True)
 class Options:
-    """Learn the network of `stitch.belief` from simulated pairs of submaps, and write it to a file.
+    """Learn the network of `stitch.alignment.acceptance` from simulated pairs of submaps.
 
     The likeliest alignment of every pair, with a prior and without one, is an example, right or wrong within
     the limits of the stitching study; pairs of two buildings are examples that are always wrong. Furniture is
@@ -56,9 +56,9 @@ def run(options: Options) -> None:
 
     seeds = seeds_of(options.seeds)
     if min(seeds) in REPORTED:
-        raise BadInput(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
+        raise InputError(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
     if len(seeds) < 2:
-        raise BadInput(f"--seeds {options.seeds!r}: expected two or more")
+        raise InputError(f"--seeds {options.seeds!r}: expected two or more")
     scenarios = chosen(options.scenarios, list(CATALOGUE), "scenario")
     check(options.scheduler, options.workers, options.out)
 
@@ -76,7 +76,7 @@ def run(options: Options) -> None:
     )
     learnt = Lessons.together([unpacked(answer.payload) for _, answer in swept.answered])
     if not learnt.right.any() or learnt.right.all():
-        raise BadInput(f"--seeds {options.seeds}: expected right and wrong alignments, found one kind only")
+        raise InputError(f"--seeds {options.seeds}: expected right and wrong alignments, found one kind only")
     print("\n".join(accepted_lines(learnt, crossed(learnt, np.random.default_rng(0)))))
     fit(learnt, np.random.default_rng(0)).save(options.network)
     print(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from scenarios.ablate.study.likeness import REPORTED
 from scenarios.ablate.study.stitching import chosen, seeds_of
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput
+from slam.cli import InputError
 
 if TYPE_CHECKING:
     from scenarios.ablate.segmentation.drive import Steps
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Options:
-    """Learn `slam.combination` and the thresholds of `slam.segmentation` from simulated drives, and print
-    them.
+    """Learn `slam.odometry.combination` and the thresholds of `slam.odometry.segmentation` from simulated
+    drives, and print them.
 
     Scenarios and seeds are others than those of the segmentation study; every scenario weighs alike.
     """
@@ -37,9 +37,9 @@ def run(options: Options) -> None:
     """Drive, fit, and print what is to stand in the code."""
     seeds = seeds_of(options.seeds)
     if min(seeds) in REPORTED:
-        raise BadInput(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
+        raise InputError(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
     if options.workers < 0:
-        raise BadInput(f"expected --workers >= 0, got {options.workers}")
+        raise InputError(f"expected --workers >= 0, got {options.workers}")
     scenarios = chosen(options.scenarios, list(CATALOGUE), "scenario")
 
     from scenarios.ablate.segmentation.learning import fitted, thresholds
@@ -55,7 +55,7 @@ def run(options: Options) -> None:
     try:
         weights, bias = fitted(examples)
     except ValueError as error:
-        raise BadInput(f"--seeds {options.seeds}: {error}") from error
+        raise InputError(f"--seeds {options.seeds}: {error}") from error
     print(f"WEIGHTS = {_literal(weights)}\nBIAS = {bias:.3f}\n")
     print(f"THRESHOLDS = {_literal(thresholds(examples, weights, bias))}")
 

@@ -14,7 +14,7 @@ import numpy as np
 import tyro
 
 from scenarios.ablate.study.stitching import chosen
-from scenarios.cli import BadInput
+from slam.cli import InputError
 
 if TYPE_CHECKING:
     from slam.se2 import Array
@@ -80,7 +80,7 @@ def run(options: Options) -> None:
     methods = chosen(options.methods, list(KNOWN), "method")
     halmstad, pieces = options.data / "halmstad", options.data / "maps" / "exp3"
     if not options.data.is_dir():
-        raise BadInput(f"--data {options.data}: expected a folder with halmstad/ or maps/exp3/")
+        raise InputError(f"--data {options.data}: expected a folder with halmstad/ or maps/exp3/")
     rows = on_pairs(halmstad, methods) if halmstad.is_dir() else []
     answers = on_pieces(pieces, methods) if (pieces / "part1.png").is_file() else []
     shares = [row for row, _ in answers]
@@ -158,7 +158,7 @@ def beside_the_report(folder: Path, answers: list[tuple[PieceRow, Array | None]]
     """PNG of every answer on Experiment 3, walls of both pieces in a third colour, after the report's own."""
     from scenarios.ablate.annotated import read_map
     from scenarios.ablate.beside import row
-    from stitch.picture import draw
+    from stitch.command.picture import draw
 
     grids = [read_map(folder / f"part{k}.png", PIECES_RESOLUTION, walls_only=True).grid for k in (1, 2)]
     pictures = [("the report's own", (folder / "full.png").read_bytes())]

@@ -13,8 +13,8 @@ import tyro
 
 from scenarios.ablate.study.stitching import chosen, seeds_of
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput
 from scenarios.sweep import Answer, Trial, check, finish, sweep
+from slam.cli import InputError
 
 REPORTED = range(100)
 """Seeds that results are reported on: nothing is learnt from them."""
@@ -22,7 +22,7 @@ REPORTED = range(100)
 
 @dataclass(frozen=True)
 class Options:
-    """Learn the weights of `stitch.likeness` from simulated pairs of submaps, and print them.
+    """Learn the weights of `stitch.alignment.likelihood` from simulated pairs of submaps, and print them.
 
     Every alignment that the search of a pair leads to is an example, right or wrong within the limits of the
     stitching study. Furniture is moved in every building, in two of three besides the pairs in which it is
@@ -48,7 +48,7 @@ def run(options: Options) -> None:
     """Harvest the buildings, fit, and print the table of weights as it stands in the code."""
     seeds = seeds_of(options.seeds)
     if min(seeds) in REPORTED:
-        raise BadInput(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
+        raise InputError(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
     check(options.scheduler, options.workers, options.out)
     scenarios = chosen(options.scenarios, list(CATALOGUE), "scenario")
 
@@ -67,7 +67,7 @@ def run(options: Options) -> None:
     alone, guided = [free for free, _ in both], [told for _, told in both]
     free, told = Examples.together(alone), Examples.together(guided)
     if not free.right.any() or free.right.all():
-        raise BadInput(f"--seeds {options.seeds}: expected right and wrong alignments, found one kind only")
+        raise InputError(f"--seeds {options.seeds}: expected right and wrong alignments, found one kind only")
     weights, gaps, bias = fit(free)
     by_prior = fit_guided(told, weights, gaps, bias)
     print(f"{len(free.right)} alignments without a prior, {free.right.sum()} of them right")
@@ -87,7 +87,7 @@ def examples(trial: Trial, nothing: None) -> Answer:
     from scenarios.ablate.examples import Examples
     from scenarios.ablate.harvesting import both_ways
     from scenarios.ablate.trial import drawn_prior
-    from stitch.config import AlignConfig
+    from stitch.alignment.config import AlignConfig
 
     alone, guided = [], []
     for k, pair in enumerate(chain(*both_ways(trial.scenario, trial.seed))):

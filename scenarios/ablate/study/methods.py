@@ -13,8 +13,8 @@ import tyro
 
 from scenarios.ablate.study.stitching import chosen, seeds_of
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput
 from scenarios.sweep import check, finish, sweep, write_results
+from slam.cli import InputError
 
 if TYPE_CHECKING:
     from scenarios.ablate.contestants import Contestant
@@ -85,18 +85,18 @@ def run(options: Options) -> None:
 
 
 def checked(options: Options) -> tuple[list[str], list[int], tuple[Contestant, ...]]:
-    """Scenarios, seeds and contestants asked for. Raises `BadInput`."""
+    """Scenarios, seeds and contestants asked for. Raises `InputError`."""
     from scenarios.ablate.contestants import OURS, contestants
     from scenarios.methods import METHODS
-    from scenarios.methods.loops import BACK_ENDS
+    from stitch.mapping.loop_closure import BACK_ENDS
 
     scenarios, seeds = chosen(options.scenarios, list(CATALOGUE), "scenario"), counted(options.seeds)
     methods = chosen(options.methods, list(METHODS), "method")
     back_ends = chosen(options.variant, list(BACK_ENDS), "variant")
     if not 0.0 <= options.inject < 1.0:
-        raise BadInput(f"--inject {options.inject:g}: expected a share of at least 0 and below 1")
+        raise InputError(f"--inject {options.inject:g}: expected a share of at least 0 and below 1")
     if OURS not in methods and (options.inject > 0.0 or options.variant != Options.variant):
-        raise BadInput(f"--variant and --inject are for {OURS}: expected it among --methods")
+        raise InputError(f"--variant and --inject are for {OURS}: expected it among --methods")
     check(options.scheduler, options.workers, options.out)
     return scenarios, seeds, contestants(methods, back_ends, options.inject)  # type: ignore[arg-type]
 
@@ -106,7 +106,7 @@ def counted(text: str) -> list[int]:
     if not text.strip().isdecimal():
         return seeds_of(text)
     if int(text) < 1:
-        raise BadInput(f"--seeds {text!r}: expected at least one")
+        raise InputError(f"--seeds {text!r}: expected at least one")
     return list(range(int(text)))
 
 

@@ -15,8 +15,8 @@ import tyro
 from scenarios.ablate.study.methods import counted
 from scenarios.ablate.study.stitching import chosen
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput
 from scenarios.sweep import check, finish, sweep
+from slam.cli import InputError
 
 if TYPE_CHECKING:
     from scenarios.ablate.segmentation.findings import Findings
@@ -65,7 +65,7 @@ def run(options: Options) -> None:
     from scenarios.ablate.segmentation.table import findings_json, print_findings
     from scenarios.ablate.segmentation.trials import answer, trials
     from scenarios.ablate.segmentation.verdict import verdict
-    from slam.segmentation import THRESHOLDS
+    from slam.odometry.segmentation import THRESHOLDS
 
     cutters = [] if options.no_maps else [*(name for name in measures if name in THRESHOLDS), NEVER, TRUTH]
     swept = sweep(
@@ -87,15 +87,15 @@ def run(options: Options) -> None:
 
 
 def checked(options: Options) -> tuple[list[str], list[int], list[str]]:
-    """Scenarios, seeds and measures asked for. Raises `BadInput`."""
-    from slam.confidence import MEASURES
+    """Scenarios, seeds and measures asked for. Raises `InputError`."""
+    from slam.odometry.confidence import MEASURES
 
     scenarios = chosen(options.scenarios, list(CATALOGUE), "scenario")
     seeds = counted(options.seeds)
     measures = chosen(options.measures, list(MEASURES), "measure") if options.measures else list(MEASURES)
     check(options.scheduler, options.workers, options.out)
     if options.out.is_file():
-        raise BadInput(f"--out {options.out}: expected a folder, found a file")
+        raise InputError(f"--out {options.out}: expected a folder, found a file")
     return scenarios, seeds, measures
 
 

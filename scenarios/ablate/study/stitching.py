@@ -13,8 +13,8 @@ import tyro
 
 from scenarios.ablate.table import lines_json, print_lines
 from scenarios.catalogue import CATALOGUE
-from scenarios.cli import BadInput, nearest
 from scenarios.sweep import check, finish, sweep, write_results
+from slam.cli import InputError, nearest
 
 if TYPE_CHECKING:
     from scenarios.ablate.harvesting import Report
@@ -69,9 +69,9 @@ def run(options: Options) -> None:
         seeds_of(options.seeds),
     )
     if options.pairs < 1:
-        raise BadInput(f"expected --pairs > 0, got {options.pairs}")
+        raise InputError(f"expected --pairs > 0, got {options.pairs}")
     if not 0.0 < options.length[0] <= options.length[1]:
-        raise BadInput(f"--length: expected metres, 0 < shortest <= longest, got {options.length}")
+        raise InputError(f"--length: expected metres, 0 < shortest <= longest, got {options.length}")
     check(options.scheduler, options.workers, options.out)
 
     from scenarios.ablate.harvesting import Bins, answer, harvested, kept, trials
@@ -94,7 +94,7 @@ def run(options: Options) -> None:
     reports = kept(swept, options.pairs)
     rows = [row for report in reports for row in report.rows]
     if not rows and not swept.failed:
-        raise BadInput(
+        raise InputError(
             f"no pairs: none of {options.scenarios} with seeds {options.seeds} has stretches that overlap"
         )
     write_results(options.out / "results.csv", [field.name for field in fields(Row)], map(asdict, rows))
@@ -148,9 +148,9 @@ def chosen(names: str, known: Sequence[str], what: str) -> list[str]:
     asked = [name.strip() for name in names.split(",") if name.strip()]
     for name in asked:
         if name not in known:
-            raise BadInput(f"unknown {what} {name!r}: {nearest(name, known)}")
+            raise InputError(f"unknown {what} {name!r}: {nearest(name, known)}")
     if not asked:
-        raise BadInput(f"expected a {what}, one of {', '.join(known)}")
+        raise InputError(f"expected a {what}, one of {', '.join(known)}")
     return list(dict.fromkeys(asked))
 
 
@@ -165,5 +165,7 @@ def seeds_of(text: str) -> list[int]:
     except ValueError:
         seeds = []
     if not seeds or min(seeds) < 0:
-        raise BadInput(f"--seeds {text!r}: expected first-last or numbers with commas between, as 0-9 or 3,5")
+        raise InputError(
+            f"--seeds {text!r}: expected first-last or numbers with commas between, as 0-9 or 3,5"
+        )
     return seeds

@@ -17,8 +17,8 @@ from scenarios.stages import Stages
 from sim.laser import Raycaster
 from slam import se2
 from slam.formats import load
-from slam.frontend import track
 from slam.matching import LocalMap, Match, Reference
+from slam.odometry.tracker import track
 from slam.recording import Recording
 from slam.scan import Scan
 from slam.se2 import Array

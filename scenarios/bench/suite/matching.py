@@ -23,8 +23,8 @@ from scenarios.bench.matching.tables import (
     speed_table,
 )
 from scenarios.bench.measured import Asked, Measured
-from scenarios.cli import BadInput
 from scenarios.stages import Stages
+from slam.cli import InputError
 from slam.formats import FormatError
 from slam.matching import NoMatch
 from slam.se2 import Array
@@ -66,7 +66,7 @@ def run(stages: Stages, asked: Asked) -> Measured:
 def pair_sets(asked: Asked, rng: np.random.Generator) -> tuple[list[PairSet], list[str]]:
     """The kinds of pairs there are, the simulated first, and a note on each, or on why it is missing.
 
-    Raises `BadInput` for a log that cannot be read.
+    Raises `InputError` for a log that cannot be read.
     """
     try:
         found = [
@@ -76,7 +76,7 @@ def pair_sets(asked: Asked, rng: np.random.Generator) -> tuple[list[PairSet], li
             experiment_1(asked.data, asked.pairs, moving=True),
         ]
     except FormatError as bad:
-        raise BadInput(str(bad)) from bad
+        raise InputError(str(bad)) from bad
     sets = [kind for kind in found if isinstance(kind, PairSet)]
     notes = [k if isinstance(k, str) else f"{k.name}: {len(k)} pairs, {k.note}" for k in found]
     return sets, notes

@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from scenarios.cli import BadInput
 from scenarios.evaluation.definitions import DEFINITIONS
 from scenarios.run_folder.place import MARK
 from scenarios.run_folder.reading import is_run, read_metrics
+from slam.cli import InputError
 
 RESULTS = "results.csv"
 """What a sweep writes: a row per drive and method, a column per metric."""
@@ -36,11 +36,11 @@ def gathered(folders: Sequence[Path]) -> list[Drive]:
     """The drives of all folders, each once, though a link leads there too.
 
     Where a method has two answers to the same drive, methods are told apart by the folder they are from.
-    Raises `BadInput` for a folder that is neither a run nor a sweep.
+    Raises `InputError` for a folder that is neither a run nor a sweep.
     """
     found = [drive for folder in dict.fromkeys(map(Path.resolve, folders)) for drive in _drives(folder)]
     if not found:
-        raise BadInput(f"{folders[0]}: holds no drive to compare")
+        raise InputError(f"{folders[0]}: holds no drive to compare")
     counts = Counter((drive.scenario, drive.seed, drive.method) for drive in found)
     if max(counts.values()) == 1:
         return found
@@ -53,7 +53,7 @@ def _drives(folder: Path) -> Iterator[Drive]:
     elif (folder / RESULTS).is_file():
         yield from _of_sweep(folder)
     else:
-        raise BadInput(f"{folder}: expected a run, with {MARK}, or a sweep, with {RESULTS}")
+        raise InputError(f"{folder}: expected a run, with {MARK}, or a sweep, with {RESULTS}")
 
 
 def _of_run(folder: Path) -> Iterator[Drive]:
@@ -73,12 +73,12 @@ def _of_sweep(folder: Path) -> Iterator[Drive]:
         table = csv.DictReader(file)
         absent = [key for key in KEYS if key not in (table.fieldnames or ())]
         if absent:
-            raise BadInput(f"{path}: expected a column {absent[0]!r}")
+            raise InputError(f"{path}: expected a column {absent[0]!r}")
         for row in table:
             try:
                 values = {name: float(row[name]) for name in DEFINITIONS if row.get(name)}
                 seed = int(row["seed"])
             except ValueError as error:
-                raise BadInput(f"{path}:{table.line_num}: {error}") from error
+                raise InputError(f"{path}:{table.line_num}: {error}") from error
             finite = {name: value for name, value in values.items() if math.isfinite(value)}
             yield Drive(row["scenario"], seed, row["method"], finite, None, folder.name)

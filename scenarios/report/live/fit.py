@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slam import keyframes, se2
+from slam import se2
+from slam.mapping import keyframes
 from slam.recording import Recording
 from slam.se2 import Array
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.estimate import Estimate
 from scenarios.evaluation.maps import map_at
 from scenarios.report.cuts import cuts
 from scenarios.report.live.fit import fitting
@@ -13,9 +12,10 @@ from scenarios.report.live.shown import Shown
 from scenarios.report.live.surroundings import map_image
 from scenarios.report.spread import covariance_of, in_axes
 from slam import se2
+from slam.odometry.track import Track
 from slam.recording import Recording
 from slam.se2 import Array
-from slam.track import Track
+from stitch.mapping.estimate import Estimate
 
 POINT_UNIT = 0.01
 """What the points of submaps are rounded to [m]."""

@@ -6,7 +6,6 @@ import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from scenarios.estimate import Estimate
 from scenarios.report.live.drive import drive
 from scenarios.report.live.method import method
 from scenarios.report.live.shown import Shown
@@ -14,7 +13,8 @@ from scenarios.report.live.stitches import stitches
 from scenarios.report.live.surroundings import surroundings
 from scenarios.report.verdict import colours
 from slam.recording import Recording
-from stitch.config import AlignConfig
+from stitch.alignment.config import AlignConfig
+from stitch.mapping.estimate import Estimate
 
 if TYPE_CHECKING:
     from sim.record import SimulatedRun

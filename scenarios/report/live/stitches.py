@@ -7,14 +7,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenarios.estimate import Estimate, TriedStitch
 from scenarios.evaluation.stitches import stitch_error
 from scenarios.report.evidence import Axis, Walls, axes, rotation_correlation, surface
 from scenarios.report.live.packed import packed
 from scenarios.report.pieces import MERGING, before, partner, piece, pose_of, state
 from slam.se2 import Array
-from stitch.config import AlignConfig
-from stitch.result import Prior, Stitch
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.result import Prior, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 
 def stitches(estimate: Estimate, truth: Array | None, config: AlignConfig) -> list[dict[str, object]]:
@@ -24,7 +24,7 @@ def stitches(estimate: Estimate, truth: Array | None, config: AlignConfig) -> li
 
 
 def _stitch(
-    estimate: Estimate, tried: TriedStitch, b: Walls, truth: Array | None, config: AlignConfig
+    estimate: Estimate, tried: LoopCandidate, b: Walls, truth: Array | None, config: AlignConfig
 ) -> dict[str, object]:
     a = partner(estimate, tried)
     error = None if truth is None else stitch_error(estimate, tried, truth)

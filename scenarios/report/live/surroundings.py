@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarios.report.live.packed import packed, picture
-from slam.occupancy import Grid
+from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""Pose graphs: their factors, and the solvers that optimise them."""

@@ -1,0 +1,271 @@
+"""The pose graph: nodes, relative poses between them, robust optimisation in gtsam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from slam import se2
+from slam.se2 import Array
+
+Loss = Literal["gnc", "dcs", "none"]
+
+ANCHOR_SIGMAS = (1e-3, 1e-3, 1e-4)
+"""Standard deviations (m, m, rad) of the prior that pins node 0."""
+
+RELINEARISATIONS = 5
+"""Most rounds in which an INS's world-frame steps are linearised anew; three usually do."""
+
+SETTLED = 1e-3
+"""Largest change of a pose (m, rad) at which such rounds end."""
+
+CAUCHY = 2.385
+"""Standard deviations at which an edge with heavy tails counts half (95 % efficient where it has none)."""
+
+INLIER_PROBABILITY = 0.99
+"""A loop whose χ² lies beyond this quantile is an outlier to graduated non-convexity."""
+
+
+def _none() -> np.ndarray:
+    return np.zeros(0, dtype=bool)
+
+
+@dataclass(frozen=True)
+class WorldSteps:
+    """Position increments of an INS in its own world frame: ``t_j − t_i = displacement``, whatever the
+    yaw is.
+
+    ``edges (W, 2)`` node indices, ``displacement (W, 2)`` m, ``variance (W,)`` m² per axis.
+    """
+
+    edges: np.ndarray
+    displacement: Array
+    variance: Array
+
+
+@dataclass(frozen=True)
+class PoseGraph:
+    """Poses ``(K, 3)`` and E relative poses between them.
+
+    ``edges (E, 2)`` indices i, j into ``poses``; ``T_ij (E, 3)``; ``information (E, 3, 3)`` in the
+    tangent of j, positive semi-definite, singular where a direction is unknown; ``loop (E,)`` True for
+    the edges that may be false (default: none); ``heavy (E,)`` True for those whose errors have heavy tails
+    (default: none), which count with a Cauchy kernel; ``world_steps`` an INS's position increments, or None.
+    """
+
+    poses: Array
+    edges: np.ndarray
+    T_ij: Array
+    information: Array
+    loop: np.ndarray = field(default_factory=_none)
+    world_steps: WorldSteps | None = None
+    heavy: np.ndarray = field(default_factory=_none)
+
+    def __post_init__(self) -> None:
+        for marks in ("loop", "heavy"):
+            marked = getattr(self, marks)
+            if marked.size == len(self.edges):
+                continue
+            if np.any(marked):
+                raise ValueError(
+                    f"pose graph: {marks} marks {marked.size} edges, there are {len(self.edges)}"
+                )
+            object.__setattr__(self, marks, np.zeros(len(self.edges), dtype=bool))
+
+    def with_loops(self, edges: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
+        """The graph with further edges that may be false."""
+        return replace(
+            self,
+            edges=np.concatenate([self.edges, np.asarray(edges, dtype=np.int64).reshape(-1, 2)]),
+            T_ij=np.concatenate([self.T_ij, np.reshape(T_ij, (-1, 3))]),
+            information=np.concatenate([self.information, np.reshape(information, (-1, 3, 3))]),
+            loop=np.concatenate([self.loop, np.ones(len(edges), dtype=bool)]),
+            heavy=np.concatenate([self.heavy, np.zeros(len(edges), dtype=bool)]),
+        )
+
+    def with_only(self, loops: np.ndarray) -> PoseGraph:
+        """The graph without the loops for which ``loops (L,)`` bool, in their order, is False."""
+        kept = ~self.loop
+        kept[np.flatnonzero(self.loop)[loops]] = True
+        return replace(
+            self,
+            edges=self.edges[kept],
+            T_ij=self.T_ij[kept],
+            information=self.information[kept],
+            loop=self.loop[kept],
+            heavy=self.heavy[kept],
+        )
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Optimised ``poses (K, 3)`` and the ``weights (L,)`` left to the loop edges in their order (1 kept, 0
+    switched off).
+    """
+
+    poses: Array
+    weights: Array
+
+
+def optimise(graph: PoseGraph, loss: Loss = "gnc", relinearisations: int = RELINEARISATIONS) -> Solution:
+    """Most likely poses of the graph, robust against false loops.
+
+    ``gnc``: graduated non-convexity with truncated least squares (Yang et al. 2020) over the loops, all
+    other edges known inliers; ``dcs``: dynamic covariance scaling (Agarwal et al. 2013); ``none``: plain
+    least squares. An INS's steps are linearised anew up to ``relinearisations`` times. Raises
+    ``ValueError`` when an edge's information is not positive semi-definite, which gtsam would accept.
+    """
+    _check_information(graph)
+    poses: Array = graph.poses
+    weights: Array = np.ones(int(graph.loop.sum()))
+    for _ in range(relinearisations):
+        before = poses
+        poses, weights = _solve(replace(graph, poses=before), loss)
+        change = se2.between(before, poses)
+        if graph.world_steps is None or np.max(np.abs(change)) < SETTLED:
+            break
+    return Solution(poses, weights)
+
+
+def informations(edges: np.ndarray, covariance: Array) -> Array:
+    """Information ``(E, 3, 3)`` of edges ``(E, 2)`` from their covariances ``(E, 3, 3)``.
+
+    Raises ``ValueError`` naming the first edge whose covariance is not finite or not positive definite.
+    """
+    covariance = np.reshape(covariance, (-1, 3, 3))
+    _refuse(edges, ~np.all(np.isfinite(covariance), axis=(1, 2)), "covariance", "finite")
+    lowest = _eigenvalues(covariance)
+    _refuse(edges, lowest[:, 0] <= 1e-12 * lowest[:, 2], "covariance", "positive definite")
+    return np.linalg.inv(covariance)
+
+
+def _check_information(graph: PoseGraph) -> None:
+    """gtsam takes an indefinite matrix without a word."""
+    finite = np.all(np.isfinite(graph.information), axis=(1, 2))
+    _refuse(graph.edges, ~finite, "information", "finite")
+    lowest = _eigenvalues(graph.information)
+    indefinite = lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0)
+    _refuse(graph.edges, indefinite, "information", "positive semi-definite")
+
+
+def _eigenvalues(matrices: Array) -> Array:
+    return np.linalg.eigvalsh(0.5 * (matrices + np.swapaxes(matrices, -1, -2)))
+
+
+def _refuse(edges: np.ndarray, bad: np.ndarray, what: str, expected: str) -> None:
+    if np.any(bad):
+        i, j = edges[int(np.argmax(bad))]
+        raise ValueError(f"pose graph: the {what} of edge {i}-{j} is not {expected}")
+
+
+def _solve(graph: PoseGraph, loss: Loss) -> tuple[Array, Array]:
+    """Poses and loop weights, with the INS's steps linearised at the graph's own poses."""
+    import gtsam
+
+    factors, initial = _factors(graph, loss), _initial(graph.poses)
+    loops = np.flatnonzero(graph.loop)
+    if loss == "gnc" and len(loops):
+        values, weights = _solve_gnc(factors, initial, loops)
+        return _poses(values), weights
+    poses = _poses(gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize())
+    return poses, _dcs_weights(graph, poses) if loss == "dcs" else np.ones(len(loops))
+
+
+def _solve_gnc(factors: Any, initial: Any, loops: np.ndarray) -> tuple[Any, Array]:
+    import gtsam
+
+    parameters = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
+    parameters.setLossType(gtsam.GncLossType.TLS)
+    parameters.setAllowNonNoiseModelFactors(True)
+    doubted = set(loops.tolist())
+    parameters.setKnownInliers([f for f in range(factors.size()) if f not in doubted])
+    optimizer = gtsam.GncLMOptimizer(factors, initial, parameters)
+    optimizer.setInlierCostThresholdsAtProbability(INLIER_PROBABILITY)
+    values = optimizer.optimize()
+    return values, np.asarray(optimizer.getWeights())[loops]
+
+
+def _factors(graph: PoseGraph, loss: Loss) -> Any:
+    """Edge e of the graph is factor e; the prior and the INS's steps follow."""
+    import gtsam
+
+    factors = gtsam.NonlinearFactorGraph()
+    for (i, j), T, information, loop, heavy in zip(
+        graph.edges, graph.T_ij, graph.information, graph.loop, graph.heavy, strict=True
+    ):
+        noise: Any = gtsam.noiseModel.Gaussian.Information(0.5 * (information + information.T))
+        if loop and loss == "dcs":
+            noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.DCS.Create(1.0), noise)
+        if heavy:
+            noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY), noise)
+        factors.add(gtsam.BetweenFactorPose2(int(i), int(j), gtsam.Pose2(*T), noise))
+    anchor = gtsam.noiseModel.Diagonal.Sigmas(np.array(ANCHOR_SIGMAS))
+    factors.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*graph.poses[0]), anchor))
+    if graph.world_steps is not None:
+        _add_world_steps(factors, graph.world_steps, graph.poses)
+    return factors
+
+
+def _add_world_steps(factors: Any, steps: WorldSteps, poses: Array) -> None:
+    """Rows of ``t_j − t_i − displacement``, linearised at ``poses``: gtsam has no such factor of its own,
+    and its GNC cannot clone a CustomFactor."""
+    import gtsam
+
+    unit = gtsam.noiseModel.Unit.Create(2)
+    turned = se2.rotation(poses[:, 2])
+    for (i, j), moved, variance in zip(steps.edges, steps.displacement, steps.variance, strict=True):
+        weight = 1.0 / np.sqrt(variance)
+        residual = poses[j, :2] - poses[i, :2] - moved
+        A_i, A_j = np.zeros((2, 3)), np.zeros((2, 3))
+        A_i[:, :2], A_j[:, :2] = -weight * turned[i], weight * turned[j]
+        row = gtsam.JacobianFactor(int(i), A_i, int(j), A_j, -weight * residual, unit)
+        at = gtsam.Values()
+        at.insert(int(i), gtsam.Pose2(*poses[i]))
+        at.insert(int(j), gtsam.Pose2(*poses[j]))
+        factors.add(gtsam.LinearContainerFactor(row, at))
+
+
+def _initial(poses: Array) -> Any:
+    import gtsam
+
+    values = gtsam.Values()
+    for k, pose in enumerate(poses):
+        values.insert(k, gtsam.Pose2(*pose))
+    return values
+
+
+def chi_squared(graph: PoseGraph, poses: Array) -> Array:
+    """Squared normalised residual ``(E,)`` of every edge at ``poses (K, 3)``."""
+    i, j = graph.edges.T
+    residual = se2.log(se2.between(graph.T_ij, se2.between(poses[i], poses[j])))
+    return np.einsum("ea,eab,eb->e", residual, graph.information, residual)
+
+
+def _dcs_weights(graph: PoseGraph, poses: Array) -> Array:
+    """s² of dynamic covariance scaling, s = min(1, 2Φ / (Φ + χ²)) with Φ = 1, of the loops."""
+    return np.minimum(1.0, 2.0 / (1.0 + chi_squared(graph, poses)[graph.loop])) ** 2
+
+
+def marginals(graph: PoseGraph, solution: Solution) -> Array:
+    """Covariances ``(K, 3, 3)`` in the body frame at a solution, without the loops it switched off."""
+    from slam.graph.gauss_newton import Problem
+
+    trusted = graph.with_only(solution.weights > 0.5)
+    factor, _ = Problem.of(trusted).factor(solution.poses, np.ones(len(trusted.edges)))
+    return factor.inverse_blocks()
+
+
+def joint_covariance(graph: PoseGraph) -> Array:
+    """Covariance ``(3K, 3K)`` of all poses together at the graph's own, in their body frames.
+
+    All edges count, loops too. Dense: for graphs of up to some thousand nodes.
+    """
+    hessian, _ = _factors(graph, "none").linearize(_initial(graph.poses)).hessian()
+    return np.linalg.inv(hessian)
+
+
+def _poses(values: Any) -> Array:
+    poses = [values.atPose2(k) for k in range(values.size())]
+    return np.array([[pose.x(), pose.y(), pose.theta()] for pose in poses])

@@ -1,0 +1,1 @@
+"""What scans at known poses make: keyframes, occupancy grids, submaps."""

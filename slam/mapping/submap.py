@@ -1,0 +1,57 @@
+"""A stretch of the drive as one rigid map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from slam import se2
+from slam.mapping import occupancy
+from slam.mapping.occupancy import Grid
+from slam.recording import Recording
+from slam.scan import Scan
+from slam.se2 import Array
+
+
+@dataclass(frozen=True)
+class Submap:
+    """Scans ``start..stop-1`` of a recording in the frame of one anchor pose, that of scan ``start``.
+
+    ``anchor (3,)`` is the anchor's pose in the map frame at the time of cutting; ``points`` and ``grid``
+    are in the anchor's frame.
+    """
+
+    start: int
+    stop: int
+    anchor: Array
+    points: Scan
+    grid: Grid
+
+
+def cut(
+    recording: Recording,
+    scans: Sequence[Scan],
+    poses: Array,
+    start: int,
+    stop: int,
+    rows: np.ndarray,
+    resolution: float = 0.1,
+) -> Submap:
+    """The submap of scans ``start..stop-1`` at ``poses (N, 3)``, drawn from those of the scans ``rows``
+    among them.
+
+    ``rows`` are indices of scans that may be trusted; those outside the stretch are left out. Raises
+    ``ValueError`` when none is inside.
+    """
+    inside = rows[(rows >= start) & (rows < stop)]
+    if len(inside) == 0:
+        raise ValueError(f"submap {start}..{stop - 1}: none of its scans may be drawn")
+    anchor = poses[start]
+    local = se2.between(anchor, poses[inside])
+    points = Scan.merged([scans[k].transformed(T) for k, T in zip(inside, local, strict=True)])
+    grid = occupancy.draw(
+        local, recording.ranges[inside], recording.angles, recording.laser, resolution=resolution
+    )
+    return Submap(start, stop, anchor, points, grid)

@@ -1,0 +1,1 @@
+"""Where one submap lies in another: Hough rotation, translation, refinement, verification, acceptance."""

@@ -1,0 +1,1 @@
+"""What `python -m stitch` is made of: maps in, joined maps out."""

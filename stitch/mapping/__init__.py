@@ -1,0 +1,1 @@
+"""A recording becomes a map: track, cut, stitch, close the loops, adjust."""

@@ -1,0 +1,70 @@
+"""What a method says about a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slam.graph.pose_graph import PoseGraph
+from slam.mapping.submap import Submap
+from slam.odometry.track import Track
+from slam.se2 import Array
+from stitch.align import NoStitch, Prior, Stitch
+
+
+@dataclass(frozen=True)
+class LoopCandidate:
+    """A pair of submaps (indices into ``Estimate.submaps``) that was tried, and what came of it.
+
+    ``weight`` is what the robust graph left of it: 1 kept, 0 switched off, None where it never got there.
+    ``turn`` counts the rounds through the drive, from 0; in each a pair is tried when the drive has come to
+    the end of b. ``prior`` is where the graph expected b, None where everything was searched. A pair that was
+    refused may be tried again, which is another entry.
+    """
+
+    a: int
+    b: int
+    result: Stitch | NoStitch
+    weight: float | None = None
+    turn: int = 0
+    prior: Prior | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """True when the final map rests on this stitch."""
+        return isinstance(self.result, Stitch) and (self.weight is None or self.weight > 0.5)
+
+
+@dataclass(frozen=True)
+class Live:
+    """What was answered on the way: ``poses (N, 3)`` of each scan as given when it arrived, and the
+    ``seconds (N,)`` from its arrival until then."""
+
+    poses: Array
+    seconds: Array
+
+
+@dataclass(frozen=True)
+class NoEstimate:
+    """A method has no answer for a recording, and why."""
+
+    method: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A method's answer: ``poses (N, 3)`` of the robot at every scan, and how it came about.
+
+    ``covariance (N, 3, 3)`` are the marginals in the body frame, None where the method has none; ``live`` is
+    what a method answered that works scan by scan.
+    """
+
+    method: str
+    poses: Array
+    covariance: Array | None = None
+    track: Track | None = None
+    submaps: tuple[Submap, ...] = ()
+    stitches: tuple[LoopCandidate, ...] = ()
+    graph_before: PoseGraph | None = None
+    graph_after: PoseGraph | None = None
+    live: Live | None = None

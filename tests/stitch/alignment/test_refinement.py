@@ -1,0 +1,135 @@
+"""The score between the cells is the score of the search, and its top has a width."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slam import se2
+from slam.mapping.occupancy import Grid
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.raster import Raster, Walls, dilated
+from stitch.alignment.refinement import ScoreField, about, climb, covariance, score_field
+from stitch.alignment.result import Prior
+from stitch.alignment.translation import LINE, correlate, padded_shape, spectra
+
+CONFIG = AlignConfig(resolution=0.5)
+PENALTY = 5.0
+
+
+def random_raster(seed: int, shape: tuple[int, int], first: tuple[int, int]) -> Raster:
+    rng = np.random.default_rng(seed)
+    occupied = rng.uniform(size=shape) < 0.1
+    free = (rng.uniform(size=shape) < 0.7) & ~dilated(occupied)
+    facing = np.stack([occupied, 0 * occupied]).astype(np.float32)
+    return Raster(occupied, free, np.array(first, dtype=float), 0.5, facing=facing)
+
+
+def points_of(raster: Raster) -> np.ndarray:
+    rows, columns = np.nonzero(raster.occupied)
+    return (raster.first + np.stack([columns, rows], -1) + 0.5) * raster.resolution
+
+
+def walls(raster: Raster) -> Walls:
+    """The raster as a map of its own, every cell a point."""
+    points = points_of(raster)
+    grid = Grid(raster.occupied, raster.free, raster.first * raster.resolution, raster.resolution)
+    return Walls(points, np.ones(len(points)), np.tile([1.0, 0.0], (len(points), 1)), grid)
+
+
+def field_of(a: Raster, b: Raster, config: AlignConfig = CONFIG, prior: Prior | None = None) -> ScoreField:
+    return score_field(walls(a), walls(b), PENALTY, prior, config)
+
+
+def test_agrees_with_the_search_at_whole_cells() -> None:
+    a, b = random_raster(0, (30, 24), (-4, 7)), random_raster(1, (18, 20), (2, -5))
+    shape = padded_shape(a, [b])
+    found = correlate(spectra(a, shape), spectra(b, shape))
+    # shifts at which b lies well inside a, and one where it hangs over the border
+    for row, column in [(20, 22), (25, 20), (30, 30), (40, 38)]:
+        t = found.translations()[row, column]
+        score = field_of(a, b).scores(np.array([[*t, 0.0]]))[0]
+        expected = float(found.score(PENALTY)[row, column])
+        assert score == pytest.approx(expected, rel=0.02, abs=0.5)
+
+
+def test_the_outermost_wall_counts() -> None:
+    """A wall in the last row of a grid is still a wall, also half a cell beyond its centre."""
+    cells = np.zeros((5, 9), dtype=bool)
+    cells[4] = True
+    a = Raster(cells, np.zeros_like(cells), np.zeros(2), 0.5)
+    scores = field_of(a, a).scores(np.array([[0.0, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, -0.2, 0.0]]))
+    assert scores[0] > 9.0
+    assert scores[1] == pytest.approx(scores[2])
+    assert scores[1] > 0.8 * scores[0]
+
+
+def test_climbing_reaches_the_top() -> None:
+    a = random_raster(2, (40, 40), (-20, -20))
+    field = field_of(a, a)
+    T, score = climb(field, np.array([0.22, -0.17, 0.03]), np.zeros(2))
+    np.testing.assert_allclose(T, 0.0, atol=0.03)
+    assert score > field.scores(np.array([[0.22, -0.17, 0.03]]))[0]
+
+
+def test_the_kernel_climbs_the_score_it_reports() -> None:
+    """With a prior and a pivot away from the origin: the slow score at the top is the kernel's."""
+    a, b = random_raster(6, (40, 40), (-20, -20)), random_raster(7, (30, 36), (-9, -14))
+    prior = Prior(np.array([0.3, 0.2, 0.1]), np.diag([0.5, 0.2, 0.1]) ** 2)
+    field = field_of(a, b, prior=prior)
+    T, score = climb(field, np.array([0.1, 0.4, 0.05]), np.array([3.0, -2.0]))
+    assert score == pytest.approx(float(field.scores(T[None])[0]), rel=1e-6)
+    for step in np.concatenate([np.eye(3), -np.eye(3)]) * [0.0125, 0.0125, np.radians(0.125)]:
+        assert field.scores(about(T, np.array([3.0, -2.0]), step[None]))[0] <= score + 1e-6
+
+
+def test_agreement_and_conflict_make_the_score() -> None:
+    a, b = random_raster(8, (40, 40), (-20, -20)), random_raster(9, (30, 36), (-9, -14))
+    field, T = field_of(a, b), np.array([[0.3, -0.4, 0.2], [1.0, 0.0, 0.0]])
+    np.testing.assert_allclose(
+        field.scores(T), LINE * field.agreement(T) - PENALTY * field.conflict(T), rtol=1e-5
+    )
+    assert np.all(field.conflict(T) > 0.0)
+
+
+def test_poses_surely_worse_than_enough_are_not_scored() -> None:
+    """Those that are have the same scores."""
+    field = field_of(random_raster(8, (40, 40), (-20, -20)), random_raster(9, (30, 36), (-9, -14)))
+    poses = np.random.default_rng(0).normal(size=(60, 3)) * [5.0, 5.0, 1.0]
+    whole = field.scores(poses)
+    part = field.scores(poses, float(whole.max()))
+    known = np.isfinite(part)
+    np.testing.assert_array_equal(part[known], whole[known])
+    assert np.all(whole[~known] < whole.max())
+    assert 0 < known.sum() < len(poses)
+
+
+def test_warp_widens_the_covariance_about_the_pivot() -> None:
+    a, pivot = random_raster(3, (40, 40), (-20, -20)), np.array([6.0, -2.0])
+    none, warped = (
+        covariance(field_of(a, a, replace(CONFIG, warp=warp)), np.zeros(3), pivot)
+        for warp in ((0.0, 0.0), (0.02, 0.005))
+    )
+    expected = se2.transport(np.diag([0.02, 0.02, 0.005]) ** 2, np.array([*pivot, 0.0]))
+    np.testing.assert_allclose(warped - none, expected, atol=1e-12)
+
+
+def test_a_hotter_score_is_a_wider_one() -> None:
+    a = random_raster(4, (40, 40), (-20, -20))
+    cold, hot = (
+        covariance(field_of(a, a, replace(CONFIG, temperature=t)), np.zeros(3), np.zeros(2))
+        for t in (1.0, 500.0)
+    )
+    assert np.all(np.diag(hot) > np.diag(cold))
+
+
+def test_the_prior_counts_in_the_axes_of_b() -> None:
+    """b is turned a quarter: a metre along a's x is a metre along b's −y, where the prior is sure."""
+    prior = Prior(np.array([1.0, 2.0, np.pi / 2]), np.diag([4.0, 0.25, 0.01]))
+    T = np.array([[2.0, 2.0, np.pi / 2], [1.0, 3.0, np.pi / 2], [1.0, 2.0, np.pi / 2 + 0.2 - 2.0 * np.pi]])
+    np.testing.assert_allclose(prior.distance(T), [4.0, 0.25, 4.0])
+    a = random_raster(5, (20, 20), (0, 0))
+    lost = field_of(a, a).scores(T) - field_of(a, a, prior=prior).scores(T)
+    np.testing.assert_allclose(lost, 0.5 * CONFIG.prior_weight * prior.distance(T), atol=1e-9)
