@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from scenarios.jsonable import dump
 from scenarios.run_folder.contents import Run
 from scenarios.run_folder.place import Folder, check, prepare, publish
-from scenarios.run_folder.plain import dump
 
 if TYPE_CHECKING:
     from scenarios.stages import Cost

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from scenarios.run_folder.plain import dump
+from scenarios.jsonable import dump
 from slam.cli import InputError
 
 MARK = "metrics.json"

@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scenarios.jsonable import jsonable
 from scenarios.run_folder import Run, check, prepare, publish
 from scenarios.run_folder.place import safe
-from scenarios.run_folder.plain import plain
 from scenarios.run_folder.report import page
 from scenarios.run_folder.stitches import segments, stories
 from slam.cli import InputError
@@ -45,7 +45,7 @@ ESTIMATE = Estimate(
 
 
 def test_the_story_of_every_stitch_with_its_true_error():
-    good, false, rejected, none = plain(stories([ESTIMATE], TRUTH)["m"])
+    good, false, rejected, none = jsonable(stories([ESTIMATE], TRUTH)["m"])
     assert good["error_m"] == pytest.approx(0.1)
     assert (good["accepted"], good["false"]) == (True, False)
     assert false["error_m"] == pytest.approx(0.5)
@@ -78,7 +78,7 @@ class Config:
 
 def test_values_become_strict_json():
     config = Config(np.inf, Path("a/b"), np.array([[1.0, np.nan]]), Verdict.SKIPPED)
-    assert plain({1: config, "n": (np.int64(3), None)}) == {
+    assert jsonable({1: config, "n": (np.int64(3), None)}, words=True) == {
         "1": {"limit": "inf", "where": "a/b", "table": [[1.0, "nan"]], "verdict": "SKIPPED"},
         "n": [3, None],
     }

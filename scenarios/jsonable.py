@@ -15,23 +15,28 @@ import numpy as np
 
 def dump(path: Path, content: object) -> None:
     """Write ``content`` as JSON."""
-    path.write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    path.write_text(
+        json.dumps(jsonable(content, words=True), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
 
 
-def plain(value: Any) -> Any:
-    """A value as JSON has it: data classes as objects, arrays as lists, what is not finite as a word."""
+def jsonable(value: Any, words: bool = False) -> Any:
+    """A value as JSON has it: data classes as objects, arrays as lists.
+
+    What is not finite becomes null, or with ``words`` "nan", "inf" or "-inf", which `float` reads back.
+    """
     if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
+        return jsonable(asdict(value), words)
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): jsonable(item, words) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        return jsonable(value.tolist(), words)
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [jsonable(item, words) for item in value]
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
+        return str(value) if words else None
     return value
