@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import tyro
 from tyro.conf import Positional, arg
 
 from scenarios.catalogue import CATALOGUE
-from scenarios.methods import FAIR, METHODS, ONLINE, REHEARSED_AS, answer
+from scenarios.methods import COMPARED, METHODS, ONLINE, warm_up
 from slam.cli import POSE, InputError, Pose, main, nearest
 
 if TYPE_CHECKING:
@@ -41,7 +43,7 @@ class Options:
     """Print the scenarios and why each exists."""
     seed: Annotated[int, arg(metavar="K")] = 0
     """Which of a scenario's drives to simulate."""
-    methods: Annotated[str, arg(metavar="A,B,…")] = ",".join(FAIR)
+    methods: Annotated[str, arg(metavar="A,B,…")] = ",".join(COMPARED)
     """Methods to run, separated by commas; "oracle", which is told the truth, only where it is named."""
     online: Annotated[bool, arg(help_behavior_hint="")] = False
     """Also run slamstitch scan by scan, as on a robot, and measure the latency of each scan."""
@@ -65,6 +67,12 @@ class Options:
     it have no answer then."""
     matcher: Annotated[str, arg(metavar="NAME|MODULE:FUNCTION", help_behavior_hint="")] = ""
     """Scan matcher of slamstitch's front end: plicp (its own), wsm, icp, or a function of your module."""
+    config: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Settings to start from: a run's config.json, or a part of one. Single ones are set by their key, as
+    --slam.loops.length 4; --list-settings prints all of them."""
+    list_settings: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Print every setting with its value and meaning."""
+    settings: Annotated[Mapping[str, Sequence[str]], tyro.conf.Suppress] = field(default_factory=dict)
     start: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
     """Where a drive through a ROS map begins, in m and rad; drawn where it is not given."""
 
@@ -73,6 +81,9 @@ def run(options: Options) -> None:
     """The whole road: recording → estimates → metrics → run folder → table."""
     if options.list:
         print_catalogue()
+        return
+    if options.list_settings:
+        print_settings(options)
         return
     methods, name = checked(options)
     if options.view:
@@ -84,12 +95,11 @@ def run(options: Options) -> None:
 
     from scenarios import run_folder
     from scenarios.evaluation import evaluate
-    from scenarios.methods.config import MethodConfig
     from scenarios.stages import Stages
 
     run_folder.check(options.out, name)
-    config, stages = with_matcher(MethodConfig(), options.matcher), Stages(Console(stderr=True))
-    source = obtain(options, stages)
+    config, stages = configure(options), Stages(Console(stderr=True))
+    source = obtain(options, config, stages)
     answers = estimate(source.recording, methods, config, stages)
     estimates = [*with_answer(answers), *source.published]
     with stages.stage("evaluate"):
@@ -131,6 +141,18 @@ def checked(options: Options) -> tuple[list[str], str]:
     return list(dict.fromkeys(methods)), f"{name}-seed{options.seed}"
 
 
+def configure(options: Options) -> MethodConfig:
+    """The settings: the defaults, what a file says instead, what the shell says instead. Raises
+    `InputError`."""
+    from scenarios.methods.config import MethodConfig
+    from slam.settings import read_settings, set_by_words
+
+    config = MethodConfig()
+    if options.config is not None:
+        config = read_settings(options.config, config, under="methods")
+    return with_matcher(set_by_words(config, options.settings), options.matcher)
+
+
 def with_matcher(config: MethodConfig, name: str) -> MethodConfig:
     """The settings with another scan matcher in slamstitch's front end. Raises `InputError`."""
     from slam.matching.registry import named
@@ -138,14 +160,17 @@ def with_matcher(config: MethodConfig, name: str) -> MethodConfig:
     if not name:
         return config
     try:
-        return replace(config, frontend=replace(config.frontend, method=named(name)))
+        return replace(
+            config,
+            slam=replace(config.slam, frontend=replace(config.slam.frontend, method=named(name))),
+        )
     except ValueError as error:
         raise InputError(f"--matcher: {error}") from error
 
 
-def obtain(options: Options, stages: Stages) -> Source:
+def obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
     """The recording, simulated or read; what it lacks is told."""
-    found = _obtain(options, stages)
+    found = _obtain(options, config, stages)
     if options.no_dead_reckoning:
         found = replace(found, recording=found.recording.without_dead_reckoning())
     if found.recording.source == "none":
@@ -158,9 +183,9 @@ def obtain(options: Options, stages: Stages) -> Source:
     return found
 
 
-def _obtain(options: Options, stages: Stages) -> Source:
+def _obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
     from scenarios import source
-    from slam.odometry.laser_mount import is_unstated
+    from slam.odometry.laser_mount import is_mount_unstated
 
     if source.is_scenario(options.recording):
         tell_of_compilation(stages)
@@ -171,16 +196,17 @@ def _obtain(options: Options, stages: Stages) -> Source:
     with stages.stage("read"):
         found = source.logged(Path(options.recording), options.relations, options.laser_mount)
     tell_of_compilation(stages)
-    stated = options.laser_mount is not None or not is_unstated(found.recording)
-    return found if stated or options.no_dead_reckoning else _mounted(found, stages)
+    if options.no_dead_reckoning or not is_mount_unstated(found.recording):
+        return found
+    return _with_mount(found, config, stages)
 
 
-def _mounted(found: Source, stages: Stages) -> Source:
+def _with_mount(found: Source, config: MethodConfig, stages: Stages) -> Source:
     """The recording with its laser's mount estimated where nobody states it, which is told."""
     from scenarios import source
 
     with stages.stage("mount"):
-        found, known = source.with_estimated_mount(found)
+        found, known = source.with_estimated_mount(found, config.slam)
     if known is not None:
         stages.console.print(
             f"laser mount, estimated from the drive: {known} (--laser-mount states another)", highlight=False
@@ -199,16 +225,16 @@ def estimate(
     recording: Recording, methods: list[str], config: MethodConfig, stages: Stages
 ) -> list[Estimate | NoEstimate]:
     """Every method's answer, in the order asked for; compiling and loading kernels is on nobody's bill."""
-    from scenarios.rehearsal import rehearsal
+    from scenarios.methods.warm_up import warm_up_recording
 
-    with stages.stage("rehearse"):
-        short = rehearsal(recording)
+    with stages.stage("warm up"):
+        short = warm_up_recording(recording)
         for name in methods:
-            answer(REHEARSED_AS.get(name, name), short, config)
+            warm_up(name, short, config)
     answers: list[Estimate | NoEstimate] = []
     for name in methods:
         with stages.stage(name):
-            answers.append(answer(name, recording, config))
+            answers.append(METHODS[name](recording, config))
     return answers
 
 
@@ -270,6 +296,15 @@ def show(result: Run, form: str, folder: Path) -> None:
     print(folder / "report.html")
 
 
+def print_settings(options: Options) -> None:
+    """Every setting: its key, its value, and what it means."""
+    from scenarios.jsonable import jsonable
+    from slam.settings import describe
+
+    for key, value, meaning in describe(configure(options)):
+        print(f"--{key} {json.dumps(jsonable(value, words=True))}\n    {meaning}")
+
+
 def print_catalogue() -> None:
     """Every scenario: its size, the length of a drive, and why it exists."""
     for scenario in CATALOGUE.values():
@@ -278,5 +313,12 @@ def print_catalogue() -> None:
         print(f"{scenario.name:<13} {size:>11} {drive:>6}  {scenario.summary}")
 
 
+def settings() -> MethodConfig:
+    """The tree of settings that the shell may set."""
+    from scenarios.methods.config import MethodConfig
+
+    return MethodConfig()
+
+
 if __name__ == "__main__":
-    sys.exit(main(Options, COMMAND, run))
+    sys.exit(main(Options, COMMAND, run, settings))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sim.record import Buildable, DeadReckoning, SimulatedRun
     from slam.odometry.laser_mount import Mount
     from slam.recording import Recording
+    from stitch.mapping.config import MappingConfig
     from stitch.mapping.estimate import Estimate
 
 MAP_SUFFIXES = (".yaml", ".yml")
@@ -100,18 +101,20 @@ def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
     return Source(recording, {}, published)
 
 
-def with_estimated_mount(found: Source) -> tuple[Source, Mount | None]:
+def with_estimated_mount(found: Source, config: MappingConfig) -> tuple[Source, Mount | None]:
     """A recording whose mount is unstated, with its laser where the drive itself says it is; and that mount.
 
-    As it was, with None, where the drive tells of none. Published answers, made with the laser for the robot,
-    become the robot's.
+    Where it is, with None, where the drive tells of none. Published answers, made with the laser for
+    the robot, become the robot's.
     """
     from slam import se2
-    from slam.odometry import laser_mount, tracker
+    from stitch.mapping.offline import find_mount
 
-    known = laser_mount.estimate(found.recording, tracker.track(found.recording))
-    if known is None:
-        return found, None
+    known = find_mount(found.recording, config)
+    if known is None:  # nothing needs to look again
+        return replace(
+            found, recording=found.recording.with_laser_mount(found.recording.laser.T_robot_laser)
+        ), None
     T_laser_robot = se2.inverse(known.T_robot_laser)
     published = [replace(peer, poses=se2.compose(peer.poses, T_laser_robot)) for peer in found.published]
     recording = found.recording.with_laser_mount(known.T_robot_laser)

@@ -7,9 +7,10 @@ import difflib
 import io
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TypeVar, get_type_hints
 
 import tyro
@@ -26,8 +27,16 @@ class RefusedError(Exception):
     """There is no answer that could be believed; the message is the reason, in one line."""
 
 
-def main(options: type[Options], command: str, run: Callable[[Options], None]) -> int:
+def main(
+    options: type[Options],
+    command: str,
+    run: Callable[[Options], None],
+    settings: Callable[[], object] | None = None,
+) -> int:
     """Parse the command line into ``options``, run, and return the exit code.
+
+    ``settings`` makes the tree of data classes whose fields may be set too (``--slam.loops.length 4``): the
+    options' field of that name then has the words given, by dotted key.
 
     0 done, 2 bad input, 3 refused, 130 interrupted, 141 when nobody reads the output any more. Any other
     exception is a bug and shows its traceback (exit code 1).
@@ -35,7 +44,7 @@ def main(options: type[Options], command: str, run: Callable[[Options], None]) -
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # an arrow that a terminal cannot show must not end a run
     try:
-        run(parse(options, command))
+        run(parse(options, command, settings))
         sys.stdout.flush()
     except (InputError, RefusedError) as error:
         print(f"{command}: {' '.join(str(error).split())}", file=sys.stderr)
@@ -49,13 +58,19 @@ def main(options: type[Options], command: str, run: Callable[[Options], None]) -
     return 0
 
 
-def parse(options: type[Options], command: str) -> Options:
+def parse(options: type[Options], command: str, settings: Callable[[], object] | None = None) -> Options:
     """The command line as ``options``. Raises `InputError` where tyro would draw a box over several lines."""
+    words, given = sys.argv[1:], dict[str, list[str]]()
+    if settings is not None and any(re.match(r"--[\w-]+\.", word) for word in words):
+        from slam.settings import take_settings
+
+        given, words = take_settings(words, settings())
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
             parsed, unknown = tyro.cli(
                 options,
+                args=words,
                 prog=f"python -m {command}",
                 return_unknown_args=True,
                 config=(tyro.conf.FlagCreatePairsOff,),
@@ -66,7 +81,7 @@ def parse(options: type[Options], command: str) -> Options:
         raise InputError(_first_paragraph(complaint.getvalue())) from None
     if unknown:
         raise InputError(_not_understood(unknown[0], options))
-    return parsed
+    return replace(parsed, settings=given) if given else parsed  # type: ignore[type-var]
 
 
 def _first_paragraph(box: str) -> str:

@@ -16,12 +16,16 @@ Source = Literal["ins", "odometry", "none"]
 
 @dataclass(frozen=True)
 class Laser:
-    """A planar laser: limits and noise in metres, mount ``T_robot_laser (3,)`` (m, m, rad)."""
+    """A planar laser: limits and noise in metres, mount ``T_robot_laser (3,)`` (m, m, rad).
+
+    ``mount_stated``: somebody says that it is mounted so, even if that is at the robot's origin.
+    """
 
     range_min: float = 0.1
     range_max: float = 20.0
     sigma_range: float = 0.01
     T_robot_laser: Array = field(default_factory=lambda: np.zeros(3))
+    mount_stated: bool = False
 
     def __post_init__(self) -> None:
         if not (self.range_min >= 0.0 and self.range_max > self.range_min):
@@ -130,8 +134,9 @@ class Recording:
         return replace(self, relations=relations)
 
     def with_laser_mount(self, T_robot_laser: Array) -> Recording:
-        """The same drive with another laser mount."""
-        return replace(self, laser=replace(self.laser, T_robot_laser=np.asarray(T_robot_laser, dtype=float)))
+        """The same drive with its laser mounted as stated here."""
+        mount = np.asarray(T_robot_laser, dtype=float)
+        return replace(self, laser=replace(self.laser, T_robot_laser=mount, mount_stated=True))
 
 
 def _checked(name: str, value: object, shape: tuple[int, ...], finite: bool = True) -> Array:

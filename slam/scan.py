@@ -56,6 +56,16 @@ class Scan:
             raise ValueError(f"ranges and angles: expected equal (B,), got {ranges.shape} and {angles.shape}")
         return _from_rows(ranges[None], angles, laser)[0]
 
+    def to_ranges(self, angles: Array, laser: Laser) -> Array:
+        """Ranges ``(B,)`` m along ``angles (B,)`` rad of a scan in the robot's frame, as its points have
+        them; NaN for a beam without one. Raises ``ValueError`` for points of beams that there are not."""
+        if len(self) and not 0 <= self.beams.min() <= self.beams.max() < len(angles):
+            raise ValueError(f"scan: expected points of beams 0..{len(angles) - 1}, got {self.beams.max()}")
+        ranges = np.full(len(angles), np.nan)
+        in_laser = se2.transform(se2.inverse(laser.T_robot_laser), self.points)
+        ranges[self.beams] = np.linalg.norm(in_laser, axis=1)
+        return ranges
+
     @classmethod
     def merged(cls, scans: Sequence[Scan]) -> Scan:
         """All points of several scans that are already in one frame."""

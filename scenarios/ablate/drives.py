@@ -71,10 +71,10 @@ def measured(recording: Recording, contestant: Contestant, seed: int) -> tuple[d
     from scenarios.evaluation import evaluate
     from scenarios.evaluation.consistency import last_squared_error
     from scenarios.methods import METHODS, REHEARSED_AS
-    from scenarios.rehearsal import rehearsal
+    from scenarios.methods.warm_up import warm_up_recording
 
     config = contestant.config(seed)
-    METHODS[REHEARSED_AS.get(contestant.method, contestant.method)](rehearsal(recording), config)
+    METHODS[REHEARSED_AS.get(contestant.method, contestant.method)](warm_up_recording(recording), config)
     started = time.process_time()
     estimate = METHODS[contestant.method](recording, config)
     seconds = time.process_time() - started

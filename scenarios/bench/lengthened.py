@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from slam.odometry.dead_reckoning import INS_WALK
+from slam.odometry.dead_reckoning import DeadReckoningConfig
 from slam.recording import Recording
 from slam.se2 import path_length
 
@@ -26,7 +26,9 @@ def there_and_back(recording: Recording, times: int, rng: np.random.Generator) -
     rows = np.concatenate([forwards[:: 1 if lap % 2 == 0 else -1] for lap in range(times)])
     new = np.arange(len(rows)) >= len(recording)
     walked = np.diff(path_length(recording.dead_reckoning[rows]), prepend=0.0)
-    sigma = np.stack([np.sqrt(INS_WALK * walked)] * 2 + [np.full(len(rows), YAW_WALK)], -1)
+    sigma = np.stack(
+        [np.sqrt(DeadReckoningConfig().ins_walk * walked)] * 2 + [np.full(len(rows), YAW_WALK)], -1
+    )
     drift = np.cumsum(np.where(new[:, None], rng.normal(0.0, 1.0, (len(rows), 3)) * sigma, 0.0), axis=0)
     noise = rng.normal(0.0, recording.laser.sigma_range, (len(rows), len(recording.angles)))
     return replace(

@@ -42,5 +42,5 @@ def evaluate(recording: Recording, estimates: Sequence[Estimate | NoEstimate]) -
         metrics += map_metrics(method, poses, recording, truth_map)
         metrics += consistency_metrics(method, poses, estimate.covariance, recording.truth)
         metrics += stitch_metrics(estimate, recording.truth)
-        metrics += live_metrics(method, estimate.live, recording.truth)
+        metrics += live_metrics(method, estimate.online, recording.truth)
     return metrics

@@ -7,12 +7,12 @@ import numpy as np
 from scenarios.evaluation.metric import Metric, measured, missing
 from scenarios.evaluation.trajectory import aligned
 from slam.se2 import Array
-from stitch.mapping.estimate import Live
+from stitch.mapping.estimate import OnlineResult
 
 NAMES = ("ate_online", "latency_median", "latency_p99", "latency_max")
 
 
-def live_metrics(method: str, live: Live | None, truth: Array | None) -> list[Metric]:
+def live_metrics(method: str, live: OnlineResult | None, truth: Array | None) -> list[Metric]:
     """Error of the poses as given on the way, and latency [ms]."""
     if live is None:
         return missing(method, NAMES, "the method answers when the drive is over")

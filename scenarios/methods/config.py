@@ -1,4 +1,4 @@
-"""Every setting of every method, in one tree that `config.json` dumps."""
+"""Every setting of every method, in one tree: `config.json` dumps it, and ``--config`` reads it back."""
 
 from __future__ import annotations
 
@@ -8,33 +8,38 @@ from slam.matching import MatchConfig
 from slam.odometry.segmentation import SegmentationConfig
 from slam.odometry.tracker import MANIFOLD_SLAM, FrontendConfig
 from stitch.alignment.config import AlignConfig
-from stitch.mapping.bundle import BundleConfig
-from stitch.mapping.loop_closure import LoopConfig
+from stitch.mapping.config import MappingConfig
+
+ICP = replace(
+    FrontendConfig(),
+    method="icp",
+    covariance="joint",
+    reference="scan",
+    match=MatchConfig(levels=((0.5, 1), (0.3, 1)), mutual=True, robust=1e12, least_pairs=3, search_shift=0.0),
+    trust_dead_reckoning=False,
+)
+"""Point-to-point ICP, scan to scan, without weights."""
 
 
-def _icp() -> FrontendConfig:
-    unweighted = MatchConfig(
-        levels=((0.5, 1), (0.3, 1)), mutual=True, robust=1e12, least_pairs=3, search_shift=0.0
-    )
-    return replace(
-        FrontendConfig(),
-        method="icp",
-        covariance="joint",
-        reference="scan",
-        match=unweighted,
-        trust_dead_reckoning=False,
-    )
+@dataclass(frozen=True)
+class HtmsConfig:
+    """The thesis's stitching."""
+
+    segmentation: SegmentationConfig = field(default_factory=lambda: SegmentationConfig(least_steps=5))
+    """Where ManifoldSLAM's map is cut."""
+    align: AlignConfig = field(default_factory=lambda: AlignConfig(method="htms"))
+    """How its pieces are aligned."""
 
 
 @dataclass(frozen=True)
 class MethodConfig:
-    """Settings of the methods: ``manifold`` and ``segmentation`` serve wsm and htms, ``frontend``,
-    ``loops`` and ``bundle`` serve slamstitch, ``icp`` is the baseline's front end."""
+    """Settings of the methods."""
 
+    slam: MappingConfig = field(default_factory=MappingConfig)
+    """slamstitch, offline and online, and the oracle."""
+    icp: FrontendConfig = ICP
+    """The front end of icp."""
     manifold: FrontendConfig = MANIFOLD_SLAM
-    segmentation: SegmentationConfig = field(default_factory=lambda: SegmentationConfig(least_steps=5))
-    htms: AlignConfig = field(default_factory=lambda: AlignConfig(method="htms"))
-    icp: FrontendConfig = field(default_factory=_icp)
-    frontend: FrontendConfig = field(default_factory=FrontendConfig)
-    loops: LoopConfig = field(default_factory=LoopConfig)
-    bundle: BundleConfig = field(default_factory=BundleConfig)
+    """The front end of wsm and htms: ManifoldSLAM."""
+    htms: HtmsConfig = field(default_factory=HtmsConfig)
+    """The thesis's stitching."""

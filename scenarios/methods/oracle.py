@@ -11,8 +11,8 @@ from scenarios.methods.config import MethodConfig
 from slam import se2
 from slam.cli import InputError
 from slam.mapping.submap import Submap
-from slam.odometry import dead_reckoning
-from slam.odometry.ego_motion_filter import without_companions
+from slam.odometry.dead_reckoning import DeadReckoning
+from slam.odometry.ego_motion_filter import remove_co_moving_points
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import track
 from slam.recording import Recording
@@ -23,7 +23,7 @@ from stitch.alignment.raster import walls_of
 from stitch.alignment.refinement import covariance, score_field
 from stitch.alignment.verification import measure
 from stitch.mapping.estimate import Estimate
-from stitch.mapping.offline import mapped
+from stitch.mapping.offline import build_map
 
 FAILED_STEP = (0.10, np.radians(2.0))
 """A step of the front end that is off by more (m, rad) has failed, whatever its verdict says."""
@@ -38,29 +38,30 @@ def run(recording: Recording, config: MethodConfig) -> Estimate:
     truth = recording.truth
     if truth is None:
         raise InputError(f"oracle: expected a recording with truth, {recording.name} has none")
-    scans = without_companions(recording, scans_of(recording))
-    found = track(recording, config.frontend, scans)
-    found = with_true_failures(recording, found, truth, config.segmentation.measure)
-    stitch = partial(true_stitch, truth=truth, config=config.loops.align)
-    told = replace(config, loops=replace(config.loops, back_end="none", injected=0.0))
-    return mapped("oracle", recording, scans, found, told, stitch)
+    mapping = replace(config.slam, loops=replace(config.slam.loops, back_end="none"))
+    scans = remove_co_moving_points(recording, scans_of(recording), mapping.ego_motion_filter)
+    tracked = track(recording, mapping.frontend, scans)
+    reckoning = DeadReckoning(recording, mapping.frontend.dead_reckoning)
+    tracked = with_true_failures(reckoning, tracked, truth, mapping.segmentation.measure)
+    stitch = partial(true_stitch, truth=truth, config=mapping.loops.align)
+    return replace(build_map(recording, scans, tracked, mapping, stitch), method="oracle")
 
 
-def with_true_failures(recording: Recording, found: Track, truth: Array, measure: str) -> Track:
+def with_true_failures(reckoning: DeadReckoning, tracked: Track, truth: Array, measure: str) -> Track:
     """The track cut where it truly failed: there, and only there, ``measure`` says so and the pose follows
     dead reckoning."""
-    failed = failures(found.poses, truth)
-    poses = found.poses.copy()
+    failed = failures(tracked.poses, truth)
+    poses = tracked.poses.copy()
     for k in range(1, len(poses)):
         poses[k] = (
-            dead_reckoning.predict(recording, k - 1, k, poses[k - 1])
+            reckoning.predict(k - 1, k, poses[k - 1])
             if failed[k]
-            else se2.compose(poses[k - 1], se2.between(found.poses[k - 1], found.poses[k]))
+            else se2.compose(poses[k - 1], se2.between(tracked.poses[k - 1], tracked.poses[k]))
         )
-    verdict = np.where(failed, Verdict.FELL_BACK, found.verdict)
-    steady = np.where(np.isposinf(found.confidence[measure]), 0.0, found.confidence[measure])
-    confidence = {**found.confidence, measure: np.where(failed, np.inf, steady)}
-    return replace(found, poses=poses, verdict=verdict, confidence=confidence)
+    verdict = np.where(failed, Verdict.FELL_BACK, tracked.verdict)
+    steady = np.where(np.isposinf(tracked.confidence[measure]), 0.0, tracked.confidence[measure])
+    confidence = {**tracked.confidence, measure: np.where(failed, np.inf, steady)}
+    return replace(tracked, poses=poses, verdict=verdict, confidence=confidence)
 
 
 def failures(poses: Array, truth: Array) -> np.ndarray:

@@ -107,7 +107,7 @@ def _tried(story: Mapping[str, Any]) -> LoopCandidate:
     prior = None
     if story["prior"] is not None:
         prior = Prior(np.array(story["prior"]["T_a_b"]), np.array(story["prior"]["covariance"]))
-    return LoopCandidate(story["a"], story["b"], result, story["weight"], prior=prior, turn=story["turn"])
+    return LoopCandidate(story["a"], story["b"], result, story["weight"], prior=prior, round=story["turn"])
 
 
 def _stitch(story: Mapping[str, Any]) -> Stitch:

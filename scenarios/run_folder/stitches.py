@@ -39,7 +39,7 @@ def story(estimate: Estimate, tried: LoopCandidate, truth: Array | None) -> dict
     told: dict[str, object] = {
         "a": tried.a,
         "b": tried.b,
-        "turn": tried.turn,
+        "turn": tried.round,
         "scan": estimate.submaps[tried.b].stop - 1,
         "prior": None if tried.prior is None else _prior(tried.prior),
         "accepted": tried.accepted,

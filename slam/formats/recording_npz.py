@@ -31,6 +31,7 @@ REQUIRED = (
     "T_robot_laser",
 )
 OPTIONAL = (
+    "mount_stated",
     "attitude",
     "truth",
     "odometry_time",
@@ -90,6 +91,7 @@ def _arrays(recording: Recording) -> dict[str, object]:
         "T_robot_laser": laser.T_robot_laser,
         "attitude": recording.attitude,
         "truth": recording.truth,
+        "mount_stated": True if laser.mount_stated else None,
     }
     if recording.odometry is not None:
         arrays["odometry_time"] = recording.odometry.time
@@ -121,7 +123,7 @@ def _recording(arrays: dict[str, np.ndarray]) -> Recording:
         time=arrays["time"],
         ranges=arrays["ranges"],
         angles=arrays["angles"],
-        laser=Laser(low, high, sigma, arrays["T_robot_laser"]),
+        laser=Laser(low, high, sigma, arrays["T_robot_laser"], "mount_stated" in arrays),
         dead_reckoning=arrays["dead_reckoning"],
         source=str(arrays["source"]),  # type: ignore[arg-type]  # checked by Recording
         odometry=odometry,

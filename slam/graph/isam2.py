@@ -11,21 +11,19 @@ from slam import se2
 from slam.graph.pose_graph import ANCHOR_SIGMAS, CAUCHY
 from slam.se2 import Array
 
-RELINEARISE = 0.05
-"""A pose that moved this far (m, rad) since it was linearised is linearised anew."""
-
 
 class IncrementalGraph:
     """Poses that are added one by one, and relative poses between them that may be taken away again.
 
-    What is added counts from the next `update` on. Node 0 is pinned at ``first (3,)``.
+    What is added counts from the next `update` on. Node 0 is pinned at ``first (3,)``. A pose that moved by
+    ``relinearise`` (m, rad) since it was linearised is linearised anew.
     """
 
-    def __init__(self, first: Array) -> None:
+    def __init__(self, first: Array, relinearise: float = 0.05) -> None:
         import gtsam
 
         parameters = gtsam.ISAM2Params()
-        parameters.setRelinearizeThreshold(RELINEARISE)
+        parameters.setRelinearizeThreshold(relinearise)
         parameters.relinearizeSkip = 1
         parameters.enablePartialRelinearizationCheck = True
         self._isam = gtsam.ISAM2(parameters)
@@ -107,7 +105,12 @@ class IncrementalGraph:
 
     def marginals(self) -> Array:
         """Covariances ``(K, 3, 3)`` of the nodes in their body frames."""
-        return np.array([self._isam.marginalCovariance(k) for k in range(self._count)])
+        return np.array([self.marginal(k) for k in range(self._count)])
+
+    def marginal(self, k: int) -> Array:
+        """Covariance ``(3, 3)`` of node k in its body frame, as of the last `update`."""
+        covariance: Array = self._isam.marginalCovariance(k)
+        return covariance
 
     def relative_covariance(self, a: int, b: int) -> Array:
         """Covariance ``(3, 3)`` of the pose of node b seen from node a, in the tangent of b."""

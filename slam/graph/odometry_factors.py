@@ -1,123 +1,172 @@
-"""A front end's track as the backbone of a pose graph: matched steps and dead reckoning between chosen
-scans."""
+"""Odometry factors: the steps between chosen scans as matching and dead reckoning have them, as a graph."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from slam import se2
 from slam.graph.pose_graph import PoseGraph, WorldSteps
-from slam.odometry import dead_reckoning
+from slam.odometry.dead_reckoning import DeadReckoning
 from slam.odometry.track import Track, Verdict
-from slam.recording import Recording
 from slam.se2 import Array
-
-SHARED_ERROR = 25.0
-"""Neighbouring points share their errors (an uneven floor, a bent wall): a match's information is divided
-by this, as if each range had five times its noise."""
-
-SHARED_SPEED = 100.0
-"""Steps without dead reckoning share their error, a speed nobody knows: each has so many times its
-variance."""
 
 LEAST_VARIANCE = 1e-8
 """Variance (m², rad²) of a step at rest, so that its inverse exists."""
 
-WORST_VARIANCE = 1.0
-"""Variance (m², rad²) of a direction a match says nothing about, while information is composed along the
-drive."""
 
-LOCAL_MAP_SHIFT = 0.5
-"""Metres after which the local map has changed enough for a match against it to be new evidence."""
+@dataclass(frozen=True)
+class OdometryFactorConfig:
+    """How far the steps of a track are believed."""
+
+    match_inflation: float = 25.0
+    """Covariance inflation of a match: neighbouring points share their errors (an uneven floor, a bent wall),
+    as if each range had five times its noise."""
+    coasting_inflation: float = 100.0
+    """Variance inflation of steps without dead reckoning, whose errors are one unknown speed and so fully
+    correlated: it stands in for the correlation over the hundred steps of a few metres."""
+    worst_variance: float = 1.0
+    """Variance (m², rad²) of a direction a match says nothing about, while covariances are composed along the
+    drive."""
+    local_map_shift: float = 0.5
+    """Metres after which the local map has changed enough for a match against it to be new evidence."""
 
 
-def backbone(recording: Recording, track: Track, rows: np.ndarray) -> PoseGraph:
-    """Graph over the scans ``rows (K,)``: what matching and dead reckoning say of each step from one to
-    the next.
+def odometry_graph(
+    reckoning: DeadReckoning,
+    track: Track,
+    rows: np.ndarray,
+    config: OdometryFactorConfig = OdometryFactorConfig(),
+) -> PoseGraph:
+    """Graph over the scans ``rows (K,)``: what matching and dead reckoning say of each step from one to the
+    next.
 
     Two edges a step: the track's, where matches count with their information and lost scans with the dead
-    reckoning's, and the dead reckoning's own (for an INS its yaw; its position goes into the world
-    steps).
+    reckoning's, and the dead reckoning's own (for an INS its yaw; its position goes into the world steps).
+    Across lost scans the track says nothing: there it repeats dead reckoning, and an INS's step, made in its
+    world frame, was turned into a relative pose by a yaw that may be wrong by what a fall turned it.
     """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
-    reckoned = reckoning(recording, track.poses, rows)
+    dead_reckoned = dead_reckoning_graph(reckoning, track.poses, rows, config)
     i, j = rows[:-1], rows[1:]
-    matched = np.linalg.inv(track.information / SHARED_ERROR + np.eye(3) / WORST_VARIANCE)
-    tracked = [
-        _tracked_covariance(recording, track, matched, int(a), int(b)) for a, b in zip(i, j, strict=True)
+    matched = _match_covariances(track, config)
+    covariances = [
+        _step_covariance(reckoning, track, matched, int(a), int(b), config.local_map_shift)
+        for a, b in zip(i, j, strict=True)
     ]
+    information = np.concatenate(
+        [np.linalg.inv(np.reshape(covariances, (-1, 3, 3))), dead_reckoned.information]
+    )
+    information[: len(pairs)][_spans_loss(track, rows)] = 0.0
     return replace(
-        reckoned,
-        edges=np.concatenate([pairs, reckoned.edges]),
-        T_ij=np.concatenate([se2.between(track.poses[i], track.poses[j]), reckoned.T_ij]),
-        information=np.concatenate([np.linalg.inv(np.reshape(tracked, (-1, 3, 3))), reckoned.information]),
+        dead_reckoned,
+        edges=np.concatenate([pairs, dead_reckoned.edges]),
+        T_ij=np.concatenate([se2.between(track.poses[i], track.poses[j]), dead_reckoned.T_ij]),
+        information=information,
         loop=np.zeros(2 * len(pairs), dtype=bool),
+        heavy=np.concatenate([np.zeros(len(pairs), dtype=bool), dead_reckoned.heavy]),
     )
 
 
-def reckoning(recording: Recording, poses: Array, rows: np.ndarray) -> PoseGraph:
+def dead_reckoning_graph(
+    reckoning: DeadReckoning,
+    poses: Array,
+    rows: np.ndarray,
+    config: OdometryFactorConfig = OdometryFactorConfig(),
+) -> PoseGraph:
     """Graph of dead reckoning alone over the scans ``rows (K,)``, placed at ``poses (N, 3)``.
 
-    Without any, each step is expected to be that of ``poses``, as surely as the time it took allows.
+    An INS's yaw has heavy tails: a fall turns it by ten degrees and more. Without dead reckoning each step is
+    expected to be that of ``poses``, as surely as the time it took allows.
     """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
-    at_rows = (poses if recording.source == "none" else recording.dead_reckoning)[rows]
+    at_rows = (poses if reckoning.absent else reckoning.poses)[rows]
     return PoseGraph(
         poses=poses[rows],
         edges=pairs,
         T_ij=se2.between(at_rows[:-1], at_rows[1:]),
-        information=_reckoned_information(recording, rows),
-        world_steps=_world_steps(recording, rows, pairs) if recording.source == "ins" else None,
+        information=_dead_reckoning_information(reckoning, rows, config),
+        world_steps=_world_steps(reckoning, rows, pairs) if reckoning.in_world else None,
+        heavy=np.full(len(pairs), reckoning.in_world),
     )
 
 
-def _tracked_covariance(recording: Recording, track: Track, matched: Array, i: int, j: int) -> Array:
-    """Covariance in the body frame of scan j of the track's step from i, composed along the drive; ``matched
-    (N, 3, 3)`` is what a match adds in its scan's."""
+def step_covariance(
+    reckoning: DeadReckoning, track: Track, first: int, config: OdometryFactorConfig
+) -> Array:
+    """Covariance ``(3, 3)`` of the last pose of a track as seen from its first, which is that of scan
+    ``first``, in the body frame of the last."""
+    matched, last = _match_covariances(track, config), len(track) - 1
+    return _step_covariance(reckoning, track, matched, 0, last, config.local_map_shift, first)
+
+
+def _match_covariances(track: Track, config: OdometryFactorConfig) -> Array:
+    """Covariances ``(N, 3, 3)`` that matches add, bounded where they say nothing."""
+    return np.linalg.inv(track.information / config.match_inflation + np.eye(3) / config.worst_variance)
+
+
+def _spans_loss(track: Track, rows: np.ndarray) -> np.ndarray:
+    """Steps ``(K - 1,)`` bool between scans ``rows (K,)`` with a scan among them that was not matched."""
+    lost = np.cumsum(track.verdict == Verdict.FELL_BACK)
+    return np.diff(lost[rows]) > 0
+
+
+def _step_covariance(
+    reckoning: DeadReckoning,
+    track: Track,
+    matched: Array,
+    i: int,
+    j: int,
+    local_map_shift: float,
+    first: int = 0,
+) -> Array:
+    """Covariance in the body frame of row j of the track's step from row i, composed along the drive;
+    ``matched (N, 3, 3)`` is what a match adds in its scan's; the track begins with scan ``first``."""
     terms: list[Array] = [np.eye(3) * LEAST_VARIANCE]
     at = [i]
-    last, sure, since = i, i, 0.0
+    last, last_matched, since = i, i, 0.0
     verdict, place = track.verdict[i : j + 1].tolist(), track.poses[i : j + 1, :2].tolist()
     steps = [k for k in range(i + 1, j + 1) if verdict[k - i] != Verdict.SKIPPED]
     for k in steps:
         since += math.dist(place[last - i], place[k - i])
         if verdict[k - i] == Verdict.FELL_BACK:
-            terms.append(dead_reckoning.lost_covariance(recording, sure, last, k, track.poses[k]))
+            scans = (first + last_matched, first + last, first + k)
+            terms.append(reckoning.lost_covariance(*scans, track.poses[k]))
             at.append(k)
-        elif since >= LOCAL_MAP_SHIFT or k == steps[-1]:
+        elif since >= local_map_shift or k == steps[-1]:
             terms.append(matched[k])
             at.append(k)
             since = 0.0
         last = k
-        sure = sure if verdict[k - i] == Verdict.FELL_BACK else k
+        last_matched = last_matched if verdict[k - i] == Verdict.FELL_BACK else k
     return np.sum(se2.transport(terms, se2.between(track.poses[j], track.poses[at])), axis=0)
 
 
-def _reckoned_information(recording: Recording, rows: np.ndarray) -> Array:
+def _dead_reckoning_information(
+    reckoning: DeadReckoning, rows: np.ndarray, config: OdometryFactorConfig
+) -> Array:
     """Information ``(K - 1, 3, 3)`` of the recorded steps between the scans ``rows (K,)``, in the body frame
     of the later one, their covariances summed scan by scan; for an INS of its yaw alone."""
     if len(rows) < 2:
         return np.zeros((0, 3, 3))
-    if recording.source == "none":
-        return np.linalg.inv(SHARED_SPEED * dead_reckoning.step_covariance(recording, rows[:-1], rows[1:]))
+    if reckoning.absent:
+        return np.linalg.inv(config.coasting_inflation * reckoning.step_covariance(rows[:-1], rows[1:]))
     steps = np.arange(rows[0] + 1, rows[-1] + 1)
-    covariance = dead_reckoning.step_covariance(recording, steps - 1, steps)
-    if recording.source == "odometry":
-        towards = recording.dead_reckoning[rows[np.searchsorted(rows, steps)]]
-        covariance = se2.transport(covariance, se2.between(towards, recording.dead_reckoning[steps]))
+    covariance = reckoning.step_covariance(steps - 1, steps)
+    if not reckoning.in_world:
+        towards = reckoning.poses[rows[np.searchsorted(rows, steps)]]
+        covariance = se2.transport(covariance, se2.between(towards, reckoning.poses[steps]))
     summed = np.add.reduceat(covariance, rows[:-1] - rows[0])
-    if recording.source == "odometry":
+    if not reckoning.in_world:
         return np.linalg.inv(summed)
     information: Array = np.zeros_like(summed)
     information[:, 2, 2] = 1.0 / summed[:, 2, 2]
     return information
 
 
-def _world_steps(recording: Recording, rows: np.ndarray, pairs: np.ndarray) -> WorldSteps:
-    position = recording.dead_reckoning[rows, :2]
-    path = se2.path_length(recording.dead_reckoning)[rows]
-    variance = dead_reckoning.INS_WALK * np.diff(path) + dead_reckoning.INS_POSITION_FLOOR
-    return WorldSteps(pairs, np.diff(position, axis=0), variance)
+def _world_steps(reckoning: DeadReckoning, rows: np.ndarray, pairs: np.ndarray) -> WorldSteps:
+    path = np.diff(se2.path_length(reckoning.poses)[rows])
+    displacement = np.diff(reckoning.poses[rows, :2], axis=0)
+    return WorldSteps(pairs, displacement, reckoning.position_variance(path))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,9 +11,20 @@ from slam import se2
 from slam.se2 import Array
 
 
-def choose(poses: Array, distance: float = 0.15, angle: float = np.radians(7.0)) -> np.ndarray:
-    """Indices ``(K,)`` of the poses ``(N, 3)`` that lie ``distance`` m or ``angle`` rad from the one
-    chosen before; the first and the last are always among them."""
+@dataclass(frozen=True)
+class KeyframeConfig:
+    """A scan becomes a keyframe …"""
+
+    distance: float = 0.15
+    """… this far [m] from the last one …"""
+    angle: float = np.radians(7.0)
+    """… or turned by this [rad]."""
+
+
+def choose(poses: Array, config: KeyframeConfig = KeyframeConfig()) -> np.ndarray:
+    """Indices ``(K,)`` of the keyframes among poses ``(N, 3)``; the first and the last are always among
+    them."""
+    distance, angle = config.distance, config.angle
     chosen = [0]
     x, y, yaw = poses[0].tolist()
     for k, (x_k, y_k, yaw_k) in enumerate(poses.tolist()):  # plain numbers: a call of numpy's costs more

@@ -10,14 +10,14 @@ import numpy as np
 from slam import se2
 from slam.mapping import occupancy
 from slam.mapping.occupancy import Grid
-from slam.recording import Recording
+from slam.measurements import Measurements
 from slam.scan import Scan
 from slam.se2 import Array
 
 
 @dataclass(frozen=True)
 class Submap:
-    """Scans ``start..stop-1`` of a recording in the frame of one anchor pose, that of scan ``start``.
+    """Scans ``start..stop-1`` of a drive in the frame of one anchor pose, that of scan ``start``.
 
     ``anchor (3,)`` is the anchor's pose in the map frame at the time of cutting; ``points`` and ``grid``
     are in the anchor's frame.
@@ -31,7 +31,7 @@ class Submap:
 
 
 def cut(
-    recording: Recording,
+    measurements: Measurements,
     scans: Sequence[Scan],
     poses: Array,
     start: int,
@@ -52,6 +52,10 @@ def cut(
     local = se2.between(anchor, poses[inside])
     points = Scan.merged([scans[k].transformed(T) for k, T in zip(inside, local, strict=True)])
     grid = occupancy.draw(
-        local, recording.ranges[inside], recording.angles, recording.laser, resolution=resolution
+        local,
+        measurements.ranges[inside],
+        measurements.angles,
+        measurements.laser,
+        resolution=resolution,
     )
     return Submap(start, stop, anchor, points, grid)

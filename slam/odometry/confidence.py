@@ -1,7 +1,7 @@
 """Measures of how sure the front end is of a step: one function each, larger = worse.
 
-A measure gets the `Evidence` of N scans and returns ``(N,)``. What it makes of NaN, where no match answered,
-counts as +inf.
+A measure gets the `MatchStatistics` of N scans and returns ``(N,)``. What it makes of NaN, where no match
+answered, counts as +inf.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from slam import se2
 from slam.odometry import combination
-from slam.odometry.evidence import Evidence
+from slam.odometry.match_statistics import MatchStatistics
 from slam.se2 import Array
 
 FAILURE = (0.2, np.radians(5.0))
@@ -24,112 +24,112 @@ MOST_VARIANCE = 1e4
 _SCALE = 1.0 / np.array([FAILURE[0], FAILURE[0], FAILURE[1]])
 
 
-def trace2(evidence: Evidence) -> Array:
-    """Trace [m²] of the position block of the covariance (Visser et al.; the report's first measure)."""
-    return np.abs(evidence.covariance[:, 0, 0] + evidence.covariance[:, 1, 1])
+def trace2(statistics: MatchStatistics) -> Array:
+    """Trace [m²] of the position block of the covariance (Visser et al.; the thesis's first measure)."""
+    return np.abs(statistics.covariance[:, 0, 0] + statistics.covariance[:, 1, 1])
 
 
-def det2(evidence: Evidence) -> Array:
-    """Determinant [m⁴] of the position block (Slamet and Pfingsthorn; the report's second measure)."""
-    P = evidence.covariance
+def det2(statistics: MatchStatistics) -> Array:
+    """Determinant [m⁴] of the position block (Slamet and Pfingsthorn; the thesis's second measure)."""
+    P = statistics.covariance
     return np.abs(P[:, 0, 0] * P[:, 1, 1] - P[:, 0, 1] * P[:, 1, 0])
 
 
-def neg_matches(evidence: Evidence) -> Array:
-    """Minus the number of matched points (the report's third measure)."""
-    return -evidence.matches
+def neg_matches(statistics: MatchStatistics) -> Array:
+    """Minus the number of matched points (the thesis's third measure)."""
+    return -statistics.matches
 
 
-def zero_match(evidence: Evidence) -> Array:
-    """Nothing but whether there was a match: the report's rule of Experiment 1 as a measure."""
-    return 0.0 * evidence.matches
+def zero_match(statistics: MatchStatistics) -> Array:
+    """Nothing but whether there was a match: the thesis's rule of Experiment 1 as a measure."""
+    return 0.0 * statistics.matches
 
 
-def zero_run2(evidence: Evidence) -> Array:
-    """As `zero_match`, but a failure between two matches counts 1: the report's rule of Experiment 2."""
-    tried = np.flatnonzero(evidence.tried)
-    failed = np.concatenate([[False], evidence.failed[tried], [False]])
+def zero_run2(statistics: MatchStatistics) -> Array:
+    """As `zero_match`, but a failure between two matches counts 1: the thesis's rule of Experiment 2."""
+    tried = np.flatnonzero(statistics.tried)
+    failed = np.concatenate([[False], statistics.failed[tried], [False]])
     alone = failed[1:-1] & ~failed[:-2] & ~failed[2:]
-    values = zero_match(evidence)
+    values = zero_match(statistics)
     values[tried[alone]] = 1.0
     return values
 
 
-def neg_match_share(evidence: Evidence) -> Array:
+def neg_match_share(statistics: MatchStatistics) -> Array:
     """Minus the share of the scan's points that were matched, so that a short scan is not a bad one."""
-    return -evidence.matches / np.maximum(evidence.points, 1.0)
+    return -statistics.matches / np.maximum(statistics.points, 1.0)
 
 
-def a_opt(evidence: Evidence) -> Array:
+def a_opt(statistics: MatchStatistics) -> Array:
     """A-optimality: mean variance of the step in units of a failure, tr Σ̃ / 3 (Carrillo et al. 2012)."""
-    return np.abs(np.trace(scaled(evidence.covariance), axis1=1, axis2=2)) / 3.0
+    return np.abs(np.trace(scaled(statistics.covariance), axis1=1, axis2=2)) / 3.0
 
 
-def d_opt(evidence: Evidence) -> Array:
+def d_opt(statistics: MatchStatistics) -> Array:
     """D-optimality: volume of the step's covariance in units of a failure, |Σ̃|^⅓ (Carrillo et al. 2012)."""
-    return np.cbrt(np.abs(_eigenvalues(scaled(evidence.covariance)).prod(axis=1)))
+    return np.cbrt(np.abs(_eigenvalues(scaled(statistics.covariance)).prod(axis=1)))
 
 
-def e_opt(evidence: Evidence) -> Array:
+def e_opt(statistics: MatchStatistics) -> Array:
     """E-optimality: variance of the step's worst direction in units of a failure, λ_max(Σ̃) (Carrillo et al.
     2012)."""
-    return np.abs(_eigenvalues(scaled(evidence.covariance))).max(axis=1)
+    return np.abs(_eigenvalues(scaled(statistics.covariance))).max(axis=1)
 
 
-def degeneracy(evidence: Evidence) -> Array:
+def degeneracy(statistics: MatchStatistics) -> Array:
     """Minus the information about the least known direction, λ_min of the scaled Λ (Zhang et al. 2016)."""
-    return -evidence.weakest
+    return -statistics.weakest
 
 
-def residual_rms(evidence: Evidence) -> Array:
+def residual_rms(statistics: MatchStatistics) -> Array:
     """Weighted residuals of the pairs, √(Σ eᵀWe / (2n − 3)) (Pfister et al. 2002)."""
-    return evidence.residual_rms
+    return statistics.residual_rms
 
 
-def residual_p90(evidence: Evidence) -> Array:
+def residual_p90(statistics: MatchStatistics) -> Array:
     """Distance [m] of the ninth of ten pairs: what a mean does not tell of a scan that fits in part."""
-    return evidence.residual_p90
+    return statistics.residual_p90
 
 
-def misfit(evidence: Evidence) -> Array:
+def misfit(statistics: MatchStatistics) -> Array:
     """Mean χ² over all points of the scan, cut at 9, points without a pair counting half of that."""
-    return evidence.misfit
+    return statistics.misfit
 
 
-def innovation(evidence: Evidence) -> Array:
+def innovation(statistics: MatchStatistics) -> Array:
     """Squared distance of the match from where dead reckoning expected it, rᵀ(Σ + Σ_INS)⁻¹r.
 
     What is negative in an indefinite Σ counts as nothing (Bar-Shalom et al. 2001, normalised innovation
     squared).
     """
-    distance = np.full(len(evidence.expected), np.nan)
-    rows = np.flatnonzero(np.isfinite(evidence.expected).all(axis=1))
-    expected = evidence.expected[rows]
-    r = se2.log(se2.between(expected, se2.compose(evidence.origin[rows], evidence.matched[rows])))
-    values, vectors = np.linalg.eigh(evidence.covariance[rows])
+    distance = np.full(len(statistics.expected), np.nan)
+    rows = np.flatnonzero(np.isfinite(statistics.expected).all(axis=1))
+    expected = statistics.expected[rows]
+    r = se2.log(se2.between(expected, se2.compose(statistics.origin[rows], statistics.matched[rows])))
+    values, vectors = np.linalg.eigh(statistics.covariance[rows])
     values = np.clip(values, 0.0, MOST_VARIANCE)
     positive = (vectors * values[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-    covariance = positive + se2.to_body_covariance(expected, evidence.expected_covariance[rows])
+    covariance = positive + se2.to_body_covariance(expected, statistics.expected_covariance[rows])
     distance[rows] = np.sum(r * np.linalg.solve(covariance, r[:, :, None])[:, :, 0], axis=1)
     return distance
 
 
-def tilt(evidence: Evidence) -> Array:
-    """Tilt of the robot [rad] as the INS says, acos(cos φ cos θ) (report §5); none without attitude."""
-    return np.arccos(np.cos(evidence.attitude).prod(axis=1))
+def tilt(statistics: MatchStatistics) -> Array:
+    """Tilt of the robot [rad] as the INS says, acos(cos φ cos θ) (Formsma §5); none without attitude."""
+    return np.arccos(np.cos(statistics.attitude).prod(axis=1))
 
 
-def iterations(evidence: Evidence) -> Array:
+def iterations(statistics: MatchStatistics) -> Array:
     """Steps until the matcher stopped (Pfister's converges in a few where it knows its place)."""
-    return evidence.iterations
+    return statistics.iterations
 
 
-def combined(evidence: Evidence) -> Array:
+def combined(statistics: MatchStatistics) -> Array:
     """Ours: the logarithm of the odds that the step is lost, from the other measures together."""
-    return combination.log_odds({name: MEASURES[name](evidence) for name in combination.WEIGHTS})
+    return combination.log_odds({name: MEASURES[name](statistics) for name in combination.WEIGHTS})
 
 
-MEASURES: dict[str, Callable[[Evidence], Array]] = {
+MEASURES: dict[str, Callable[[MatchStatistics], Array]] = {
     measure.__name__: measure
     for measure in (
         trace2, det2, neg_matches, zero_match, zero_run2, neg_match_share, a_opt, d_opt, e_opt, degeneracy,
@@ -138,14 +138,14 @@ MEASURES: dict[str, Callable[[Evidence], Array]] = {
 }  # fmt: skip
 
 
-def columns(evidence: Evidence) -> dict[str, Array]:
+def compute_measures(statistics: MatchStatistics) -> dict[str, Array]:
     """Every measure as a column ``(N,)``: +inf where a match was tried and failed, NaN where none was
     tried or there is nothing to measure it by."""
     table = {}
     for name, measure in MEASURES.items():
-        values = measure(evidence)
-        values = np.where(evidence.failed & np.isnan(values), np.inf, values)
-        table[name] = np.where(evidence.tried, values, np.nan)
+        values = measure(statistics)
+        values = np.where(statistics.failed & np.isnan(values), np.inf, values)
+        table[name] = np.where(statistics.tried, values, np.nan)
     return table
 
 

@@ -1,55 +1,70 @@
-"""Things that move with the robot: somebody it follows, its own body, dust in front of the lens.
+"""Ego-motion filter: takes out what moves with the robot (somebody it follows, its own body, dust in front of
+the lens).
 
-They stay where they are in the robot's frame while dead reckoning says that the robot moves, and hold a scan
-matcher back.
+Such points stay where they are in the robot's frame while dead reckoning says that the robot moves, and hold
+a scan matcher back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from slam import se2
 from slam.matching import Reference
-from slam.recording import Recording
+from slam.measurements import Measurements
 from slam.scan import Scan
 from slam.se2 import Array
 
-LOOK_BACK, MOST_BACK = 0.15, 20
-"""A scan is compared with the last one from this way [m] before, at most so many scans ago."""
-SAME = 0.05
-"""A point this near [m] to one of the earlier scan, in the robot's frame, is in the same place."""
-SHIFT = 0.08
-"""A wall must have moved across its normal by this [m] to be told from what moves along."""
+
+@dataclass(frozen=True)
+class EgoMotionFilterConfig:
+    """With which earlier scan a scan is compared, and when a point counts as moving along."""
+
+    min_shift: float = 0.15
+    """A scan is compared with the last one from this way [m] before."""
+    max_scans: int = 20
+    """At most so many scans before."""
+    same_place: float = 0.05
+    """A point this near [m] to one of the earlier scan, in the robot's frame, is in the same place."""
+    wall_shift: float = 0.08
+    """A wall must have moved across its normal by this [m] to be told from what moves along."""
 
 
-def without_companions(recording: Recording, scans: Sequence[Scan]) -> list[Scan]:
+def remove_co_moving_points(
+    measurements: Measurements,
+    scans: Sequence[Scan],
+    config: EgoMotionFilterConfig = EgoMotionFilterConfig(),
+) -> list[Scan]:
     """The scans without the points that moved with the robot.
 
-    A wall seen at the same place in the robot's frame though the robot moved across it is none. With wheel
-    odometry all scans stay as they are: a robot whose wheels slip would see nothing but companions.
+    A wall seen at the same place in the robot's frame though the robot moved across it moves along. With
+    wheel odometry all scans stay as they are: a robot whose wheels slip would take every point for one.
     """
-    return [without_companion_points(recording, scans, k) for k in range(len(scans))]
+    return [filter_scan(measurements, scans, k, config) for k in range(len(scans))]
 
 
-def without_companion_points(recording: Recording, scans: Sequence[Scan], k: int) -> Scan:
-    """Scan k of `without_companions`, to which only ``scans`` up to k are looked at."""
+def filter_scan(
+    measurements: Measurements, scans: Sequence[Scan], k: int, config: EgoMotionFilterConfig
+) -> Scan:
+    """Scan k of `remove_co_moving_points`, which looks at ``scans`` up to k only."""
     from slam.matching.neighbours import nearest_all
 
-    if recording.source != "ins":
+    if measurements.source != "ins":
         return scans[k]
-    first = max(0, k - MOST_BACK)
-    way = np.linalg.norm(recording.dead_reckoning[first:k, :2] - recording.dead_reckoning[k, :2], axis=1)
-    far = np.flatnonzero(way >= LOOK_BACK)
+    poses, first = measurements.dead_reckoning, max(0, k - config.max_scans)
+    way = np.linalg.norm(poses[first:k, :2] - poses[k, :2], axis=1)
+    far = np.flatnonzero(way >= config.min_shift)
     if len(far) == 0 or len(scans[k]) == 0:
         return scans[k]
     j = first + int(far[-1])
     cloud, lattice = Reference(scans[j]).indexed
-    same = nearest_all(cloud[0], lattice, scans[k].points, SAME) >= 0
-    moved = _shift_across(scans[k], se2.between(recording.dead_reckoning[j], recording.dead_reckoning[k]))
-    companion = same & ~(moved < SHIFT)
-    return scans[k].selected(~companion) if companion.any() else scans[k]
+    same = nearest_all(cloud[0], lattice, scans[k].points, config.same_place) >= 0
+    shift = _shift_across(scans[k], se2.between(poses[j], poses[k]))
+    co_moving = same & ~(shift < config.wall_shift)
+    return scans[k].selected(~co_moving) if co_moving.any() else scans[k]
 
 
 def _shift_across(scan: Scan, T_before_now: Array) -> Array:

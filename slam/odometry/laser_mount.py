@@ -11,23 +11,33 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtri
 
 from slam import se2
 from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
 from slam.se2 import Array
 
-LEAST_STEPS = 50
-"""Matched steps."""
-LEAST_MOTION = 0.02
-"""A step tells something if the robot drove or turned by more [m or rad]."""
 ROUNDS = 20
-CAUCHY = 2.0
-"""Residuals of so many standard deviations count half."""
-SURE = 0.01
-"""Largest standard deviation [m] of a place that may be believed: a drive that hardly turns knows none."""
-CHANCE = 16.27
-"""χ² of three numbers that would be exceeded once in a thousand times by a laser at the robot's origin."""
+"""Iterations of the reweighted least squares."""
+
+
+@dataclass(frozen=True)
+class LaserMountConfig:
+    """When a mount is estimated, and when the estimate is believed."""
+
+    estimate: bool = True
+    """Whether the mount is estimated where nobody states it."""
+    min_steps: int = 50
+    """Matched steps that it takes."""
+    min_motion: float = 0.02
+    """A step tells something if the robot drove or turned by more [m or rad]."""
+    cauchy: float = 2.0
+    """Residuals of so many standard deviations count half."""
+    max_sigma: float = 0.01
+    """Largest standard deviation [m] that is believed: a drive that hardly turns knows no place."""
+    min_distance: float = float(chdtri(3, 0.001))
+    """Squared Mahalanobis distance from the robot's origin from which a mount differs from it, χ²₃(0.999)."""
 
 
 @dataclass(frozen=True)
@@ -44,43 +54,44 @@ class Mount:
         return f"{place}, yaw {yaw:.2f} ± {sigma_yaw:.2f}°"
 
 
-def is_unstated(recording: Recording) -> bool:
+def is_mount_unstated(recording: Recording) -> bool:
     """Whether a recording of wheels and laser puts the laser at the robot's origin, and nobody knows better.
 
     With truth or with the robot's poses from elsewhere the origin has a meaning of its own.
     """
-    return (
-        recording.source == "odometry"
-        and recording.truth is None
-        and not np.any(recording.laser.T_robot_laser)
-    )
+    laser = recording.laser
+    at_origin = not laser.mount_stated and not np.any(laser.T_robot_laser)
+    return at_origin and recording.source == "odometry" and recording.truth is None
 
 
-def estimate(recording: Recording, track: Track) -> Mount | None:
+def estimate_mount(
+    recording: Recording, track: Track, config: LaserMountConfig = LaserMountConfig()
+) -> Mount | None:
     """The mount that makes the matched steps of a track agree best with the odometry.
 
     ``track`` is what a front end makes of the recording with the laser at the origin, so that its poses are
     the laser's. None where the drive does not tell, or tells nothing that differs from the origin.
     """
-    moved_laser, moved_robot = _steps(recording, track)
-    if len(moved_robot) < LEAST_STEPS:
+    moved_laser, moved_robot = _steps(recording, track, config.min_motion)
+    if len(moved_robot) < config.min_steps:
         return None
-    found, covariance = _solve(*_equations(moved_laser, moved_robot))
-    mount, covariance = found[:3], covariance[:3, :3]
+    solution, covariance = _solve(*_equations(moved_laser, moved_robot), config.cauchy)
+    mount, covariance = solution[:3], covariance[:3, :3]
     sigma = np.sqrt(np.diag(covariance))
-    if sigma[:2].max() > SURE or mount @ np.linalg.solve(covariance, mount) < CHANCE:
+    distance = mount @ np.linalg.solve(covariance, mount)
+    if sigma[:2].max() > config.max_sigma or distance < config.min_distance:
         return None
     return Mount(mount, sigma)
 
 
-def _steps(recording: Recording, track: Track) -> tuple[Array, Array]:
+def _steps(recording: Recording, track: Track, min_motion: float) -> tuple[Array, Array]:
     """Relative poses ``(n, 3)`` over the matched steps: the laser's by matching, the robot's by odometry."""
     rows = np.flatnonzero((track.verdict == Verdict.MATCHED) & (track.reference >= 0))
     before = track.reference[rows]
     moved_laser = se2.between(track.poses[before], track.poses[rows])
     moved_robot = se2.between(recording.dead_reckoning[before], recording.dead_reckoning[rows])
     drove, turned = np.linalg.norm(moved_robot[:, :2], axis=1), np.abs(moved_robot[:, 2])
-    moving = np.maximum(drove, turned) > LEAST_MOTION
+    moving = np.maximum(drove, turned) > min_motion
     return moved_laser[moving], moved_robot[moving]
 
 
@@ -96,7 +107,7 @@ def _equations(moved_laser: Array, moved_robot: Array) -> tuple[Array, Array]:
     return rows, moved_laser[:, :2] - moved_robot[:, :2]
 
 
-def _solve(rows: Array, sides: Array) -> tuple[Array, Array]:
+def _solve(rows: Array, sides: Array, cauchy: float) -> tuple[Array, Array]:
     """Solution ``(4,)`` and covariance ``(4, 4)`` by least squares with a Cauchy weight per step."""
     weight = np.ones(len(rows))
     for _ in range(ROUNDS):
@@ -104,5 +115,5 @@ def _solve(rows: Array, sides: Array) -> tuple[Array, Array]:
         solution = np.linalg.solve(normal, np.einsum("n,nij,ni->j", weight, rows, sides))
         residual = sides - rows @ solution
         spread = 1.4826 * float(np.median(np.abs(residual)))
-        weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / (CAUCHY * spread) ** 2)
+        weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / (cauchy * spread) ** 2)
     return solution, spread**2 * np.linalg.inv(normal)

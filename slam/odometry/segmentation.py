@@ -46,19 +46,22 @@ class Segment:
 
 @dataclass(frozen=True)
 class SegmentationConfig:
-    """``each_zero`` cuts at every step without matches (the report's Experiment 1), ``zero_run`` only at
-    ``run`` or more of them in a row (Experiment 2), ``threshold`` where ``measure`` exceeds ``threshold``
-    or failed, and from there on until it is down to ``release`` (hysteresis; None: none). Segments of fewer
-    than ``least_steps`` matched steps are discarded. Raises ``ValueError`` for a release above the
-    threshold.
-    """
+    """Where a drive is cut. Raises ``ValueError`` for a release above the threshold."""
 
     rule: Rule = "each_zero"
+    """``each_zero`` cuts at every step without matches (Formsma's Experiment 1), ``zero_run`` only at ``run``
+    or more of them in a row (Experiment 2), ``threshold`` where ``measure`` exceeds ``threshold`` or has
+    failed."""
     run: int = 2
+    """Steps without matches in a row at which ``zero_run`` cuts."""
     measure: str = "trace2"
+    """Measure of confidence, by its name in `slam.odometry.confidence.MEASURES`."""
     threshold: float = np.inf
+    """Value of the measure above which ``threshold`` cuts, in the measure's unit."""
     release: float | None = None
+    """The cut goes on until the measure is down to this (hysteresis); none without."""
     least_steps: int = 1
+    """Segments of fewer matched steps are discarded."""
 
     def __post_init__(self) -> None:
         if self.release is not None and not self.release <= self.threshold:
@@ -90,10 +93,10 @@ def lost_steps(track: Track, config: SegmentationConfig = SegmentationConfig()) 
 def segments(track: Track, config: SegmentationConfig = SegmentationConfig()) -> tuple[Segment, ...]:
     """Stretches of the drive between losses; the lost steps belong to none, scans skipped at rest follow
     them."""
-    return between(lost_steps(track, config), track.verdict == Verdict.SKIPPED, config.least_steps)
+    return split_at_losses(lost_steps(track, config), track.verdict == Verdict.SKIPPED, config.least_steps)
 
 
-def between(lost: np.ndarray, resting: np.ndarray, least_steps: int = 1) -> tuple[Segment, ...]:
+def split_at_losses(lost: np.ndarray, resting: np.ndarray, least_steps: int = 1) -> tuple[Segment, ...]:
     """Stretches between the ``lost (N,)`` scans that have at least so many steps; those that were
     ``resting (N,)`` are none, and follow the one before."""
     inside = np.zeros(len(lost), dtype=bool)

@@ -11,46 +11,80 @@ import numpy as np
 from slam import se2
 from slam.matching import RAW_WSM, LocalMap, Match, MatchConfig, NoMatch, Reference, match
 from slam.matching.config import CovarianceMode, Method
-from slam.odometry import confidence, dead_reckoning
-from slam.odometry.calibration import Calibration
-from slam.odometry.evidence import Evidence
+from slam.measurements import Measurements
+from slam.odometry.calibration import Calibration, CalibrationConfig
+from slam.odometry.confidence import compute_measures
+from slam.odometry.dead_reckoning import DeadReckoning, DeadReckoningConfig
+from slam.odometry.match_statistics import MatchStatistics
+from slam.odometry.tilt import tilted_scans
 from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
 from slam.scan import Scan, stream
 from slam.se2 import Array
 
+ALWAYS = 1.01
+"""A share of paired points below which the matcher looks elsewhere, and which no match reaches."""
+
+
+@dataclass(frozen=True)
+class LaserOnlyConfig:
+    """Tracking without dead reckoning."""
+
+    search_shift: float = 2.0
+    """How far [m] a match is looked for at most."""
+    search_turn: float = np.radians(90.0)
+    """How far [rad] a match is looked for at most."""
+    max_unmatched: int = 10
+    """Scans without a match after which a new local map begins."""
+    max_coasting: float = 1.0
+    """Seconds for which a robot is expected to go on at constant velocity."""
+    coasting_sigma: float = 0.5
+    """Standard deviation of the constant-velocity prediction, as a share of that of standing still."""
+
 
 @dataclass(frozen=True)
 class FrontendConfig:
-    """Settings of the front end.
-
-    ``seed_mode``: the guess is the absolute dead-reckoned pose (ManifoldSLAM) or the last pose moved by
-    the recorded increment. ``reference``: one scan, or the last ``map_scans`` keyframes. A scan is
-    skipped until the robot moved ``skip_distance`` m on an axis or turned ``skip_angle`` rad, and becomes
-    a keyframe ``extend_distance`` m or ``extend_angle`` rad away from the last one.
-    ``trust_dead_reckoning`` weighs the increment as a prior in the match. Scans tilted more than
-    ``tilt_limit`` rad from the recent attitude are not matched. A match with a variance above
-    ``most_variance`` (mm² and rad² alike, as ManifoldSLAM has it) is not believed, nor one whose position is
-    further from the seed than a χ² of ``most_innovation``: ten standard deviations are no accident, but
-    something that moved, or another corridor. ``calibrate`` learns an INS's yaw scale, yaw bias and heading
-    on the way.
-    """
+    """The front end: tracking scan by scan."""
 
     seed_mode: Literal["absolute", "incremental"] = "incremental"
+    """The guess: the absolute dead-reckoned pose (ManifoldSLAM), or the last pose moved by the increment."""
     reference: Literal["scan", "local_map"] = "local_map"
+    """What a scan is matched to: the last keyframe, or the last ``map_scans`` of them."""
     method: Method = "plicp"
+    """Scan matcher, by its name in the registry."""
     covariance: CovarianceMode = "p2l"
+    """Which covariance the matcher claims."""
     match: MatchConfig = field(default_factory=lambda: MatchConfig(fade=0.02, levels=((0.5, 2), (0.3, 1))))
+    """The matcher's settings."""
     skip_distance: float = 0.0
+    """A scan is skipped until the robot moved this far [m] on an axis …"""
     skip_angle: float = 0.0
+    """… or turned by this [rad]."""
     extend_distance: float = 0.25
+    """A scan becomes a keyframe of the local map this far [m] from the last one …"""
     extend_angle: float = np.radians(8.0)
+    """… or turned by this [rad]."""
     map_scans: int = 20
+    """Keyframes in the local map."""
     trust_dead_reckoning: bool = True
+    """Whether dead reckoning's increment is a prior in the match."""
     tilt_limit: float = np.radians(5.0)
-    most_variance: float = np.inf
-    most_innovation: float = 100.0
+    """A scan tilted more than this [rad] from the recent attitude is not matched."""
+    tilt_window: int = 101
+    """Scans whose median is the recent attitude."""
+    max_variance: float = np.inf
+    """A match with a larger variance (mm² and rad² alike, as ManifoldSLAM has it) is not believed."""
+    max_innovation: float = 100.0
+    """A match further from the seed (χ² of its position) is not believed: ten standard deviations are no
+    accident, but something that moved, or another corridor."""
     calibrate: bool = True
+    """Whether an INS's yaw scale, yaw bias and heading are learnt on the way."""
+    calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
+    """How they are learnt."""
+    dead_reckoning: DeadReckoningConfig = field(default_factory=DeadReckoningConfig)
+    """Noise of the dead reckoning."""
+    laser_only: LaserOnlyConfig = field(default_factory=LaserOnlyConfig)
+    """What changes without dead reckoning."""
 
 
 MANIFOLD_SLAM = FrontendConfig(
@@ -65,22 +99,11 @@ MANIFOLD_SLAM = FrontendConfig(
     extend_angle=np.radians(5.0),
     trust_dead_reckoning=False,
     tilt_limit=np.inf,
-    most_variance=10_000.0,
-    most_innovation=np.inf,
+    max_variance=10_000.0,
+    max_innovation=np.inf,
     calibrate=False,
 )
-"""ManifoldSLAM as UsarCommander ran it for the report, including the absolute seed that tears its maps."""
-
-FAR, FAR_TURN, ALWAYS = 2.0, np.radians(90.0), 1.01
-"""Without dead reckoning: how far (m, rad) a match is looked for at most, and the share of points paired
-below which one looks round."""
-
-GIVEN_UP = 10
-"""Scans without a match after which a robot without dead reckoning begins a new local map."""
-
-LONGEST_COAST, COASTING = 1.0, 0.5
-"""Seconds for which a robot is expected to go on as it did, and how much surer one is of that than of its
-standing still."""
+"""ManifoldSLAM as UsarCommander ran it for the thesis, including the absolute seed that tears its maps."""
 
 
 @dataclass(frozen=True)
@@ -93,21 +116,35 @@ class _Seed:
 
 
 @dataclass
-class _State:
-    """What the loop carries from scan to scan: the ``last`` that was tried, the last that is ``sure``."""
+class _Steps:
+    """The track of n scans so far, by column, with room for more."""
 
     poses: Array
     verdict: np.ndarray
     reference: np.ndarray
     covariance: Array
-    evidence: Evidence
     information: Array
     matches: np.ndarray
-    keyframes: list[int]
-    local: Reference | LocalMap
-    calibration: Calibration = field(default_factory=Calibration)
-    last: int = 0
-    sure: int = 0
+    statistics: MatchStatistics
+
+    @classmethod
+    def empty(cls, n: int) -> _Steps:
+        return cls(
+            poses=np.zeros((n, 3)),
+            verdict=np.full(n, Verdict.SKIPPED, dtype=np.int8),
+            reference=np.full(n, -1, dtype=np.int64),
+            covariance=np.full((n, 3, 3), np.nan),
+            information=np.zeros((n, 3, 3)),
+            matches=np.zeros(n, dtype=np.int64),
+            statistics=MatchStatistics.empty(n),
+        )
+
+    def extended(self, n: int) -> _Steps:
+        """The same with room for n scans."""
+        room = _Steps.empty(n - len(self.poses))
+        names = ("poses", "verdict", "reference", "covariance", "information", "matches")
+        columns = {name: np.concatenate([getattr(self, name), getattr(room, name)]) for name in names}
+        return _Steps(**columns, statistics=self.statistics.extended(n))
 
 
 def track(
@@ -117,236 +154,197 @@ def track(
 
     ``scans`` are those of the recording, for a caller who has them already.
     """
-    tracker = Tracker(recording, config, tilted_scans(recording, config.tilt_limit))
-    for scan in stream(recording) if scans is None else scans:
-        tracker.step(scan)
+    tilted = tilted_scans(recording, config.tilt_limit, config.tilt_window)
+    tracker = Tracker(recording, config, room=len(recording))
+    for scan, is_tilted in zip(stream(recording) if scans is None else scans, tilted, strict=True):
+        tracker.step(scan, is_tilted)
     return tracker.track()
 
 
 class Tracker:
     """The front end scan by scan.
 
-    ``tilted (N,)`` bool are the scans that are not matched. Of the recording's rows and of ``tilted`` a step
-    reads those up to its own scan only.
+    ``measurements`` may grow from step to step; a step reads their rows up to its own scan only. ``room`` is
+    made for so many scans at first.
     """
 
-    def __init__(self, recording: Recording, config: FrontendConfig, tilted: np.ndarray) -> None:
-        self.recording, self.tilted = recording, tilted
-        self.config = config if recording.source != "none" else _looking_far(config)
-        self._state = _start(recording, config)
-        self._next = 0
+    def __init__(self, measurements: Measurements, config: FrontendConfig, room: int = 256) -> None:
+        self.measurements = measurements
+        self.reckoning = DeadReckoning(measurements, config.dead_reckoning)
+        self.config = _with_wide_search(config) if self.reckoning.absent else config
+        self._steps = _Steps.empty(room)
+        self._count = 0
+        self._keyframes: list[int] = []
+        self._local: Reference | LocalMap = LocalMap(config.map_scans)
+        self._calibration = Calibration(config.calibration)
+        self._last = 0
+        self._last_matched = 0
 
-    def step(self, scan: Scan) -> None:
-        """Take in the next scan of the recording."""
-        recording, state, config, k = self.recording, self._state, self.config, self._next
-        self._next += 1
+    def step(self, scan: Scan, tilted: bool = False) -> None:
+        """Take in the next scan; a ``tilted`` one is not matched."""
+        k = self._count
+        if k == len(self._steps.poses):
+            self._steps = self._steps.extended(2 * k)
+        self._count += 1
         if k == 0:
-            _extend(state, scan, 0, config)
+            self._steps.poses[0] = self.reckoning.poses[0]
+            self._add_keyframe(scan, 0)
             return
-        seed = _seed(recording, state, k, config)
-        if not _moved(recording, state.last, k, config):
-            state.poses[k] = state.poses[state.last]
+        if not self._has_moved(k):
+            self._steps.poses[k] = self._steps.poses[self._last]
             return
-        result = NoMatch("tilted") if self.tilted[k] else _match(state, scan, seed, config)
-        _accept(recording, state, k, seed, result, config)
-        _note(recording, state, k, seed, scan, result, config)
-        if recording.source == "none" and k - state.sure >= GIVEN_UP and len(scan) > 0:
-            _start_anew(state, scan, k, config)
-        elif _extends(state, k, config) and (config.reference == "scan" or not self.tilted[k]):
-            _extend(state, scan, k, config)
+        seed = self._predict(k)
+        result = NoMatch("tilted") if tilted else self._match(scan, seed)
+        self._accept(k, seed, result)
+        self._record_statistics(k, seed, scan, result)
+        if self.reckoning.absent and self._is_given_up(k) and len(scan) > 0:
+            self._start_anew(scan, k)
+        elif self._is_keyframe(k) and (self.config.reference == "scan" or not tilted):
+            self._add_keyframe(scan, k)
 
     @property
     def poses(self) -> Array:
         """Poses ``(n, 3)`` of the scans so far."""
-        return self._state.poses[: self._next]
+        return self._steps.poses[: self._count]
 
     def track(self, since: int = 0) -> Track:
-        """What was found of scans ``since`` to the last one so far."""
-        return _finish(self._state, slice(since, self._next))
+        """The track of scans ``since`` to the last one so far."""
+        steps, part = self._steps, slice(since, self._count)
+        return Track(
+            steps.poses[part], steps.verdict[part], steps.reference[part], steps.covariance[part],
+            steps.information[part], steps.matches[part], compute_measures(steps.statistics[part]),
+        )  # fmt: skip
+
+    def _has_moved(self, k: int) -> bool:
+        config, poses = self.config, self.reckoning.poses
+        if config.skip_distance <= 0.0 and config.skip_angle <= 0.0:
+            return True
+        step = np.abs(se2.between(poses[self._last], poses[k]))
+        return bool(np.any(step >= [config.skip_distance, config.skip_distance, config.skip_angle]))
+
+    def _predict(self, k: int) -> _Seed:
+        config, reckoning, j = self.config, self.reckoning, self._last
+        if reckoning.absent:
+            return self._coast(k)
+        if config.seed_mode == "absolute":
+            pose = reckoning.poses[k]
+        else:
+            calibration = self._calibration if config.calibrate and reckoning.in_world else None
+            pose = reckoning.predict(j, k, self._steps.poses[j], calibration)
+        return _Seed(pose, reckoning.map_covariance(j, k, pose))
+
+    def _coast(self, k: int) -> _Seed:
+        """Where a robot without dead reckoning is expected: at constant velocity, or at rest once it was
+        lost."""
+        config, reckoning, poses = self.config.laser_only, self.reckoning, self._steps.poses
+        j, i = self._last, int(self._steps.reference[self._last])
+        before, since = reckoning.seconds(i, j), reckoning.seconds(j, k)
+        if j != self._last_matched or i < 0 or before <= 0.0 or not 0.0 < since < config.max_coasting:
+            rest = reckoning.predict(j, k, poses[j])
+            return _Seed(rest, reckoning.map_covariance(self._last_matched, k, rest))
+        step = se2.log(se2.between(poses[i], poses[j]))
+        pose = se2.compose(poses[j], se2.exp(step * min(since / before, 2.0)))
+        return _Seed(pose, config.coasting_sigma**2 * reckoning.map_covariance(j, k, pose))
+
+    def _match(self, scan: Scan, seed: _Seed) -> Match | NoMatch:
+        """The scan's pose in the frame of what it is matched against."""
+        config = self.config
+        prior = np.linalg.inv(seed.covariance) if config.trust_dead_reckoning else None
+        guess = se2.between(self._origin(), seed.pose)
+        return match(self._local, scan, guess, config.method, config.covariance, prior, config.match)
+
+    def _accept(self, k: int, seed: _Seed, result: Match | NoMatch) -> None:
+        """Believe the match, or fall back to the seed with the dead reckoning's covariance."""
+        steps, reckoning = self._steps, self.reckoning
+        steps.reference[k] = self._keyframes[-1] if self.config.reference == "scan" else self._last
+        steps.matches[k] = result.n_matches
+        if isinstance(result, Match) and self._is_believable(seed, result):
+            steps.poses[k] = se2.compose(self._origin(), result.T_reference_scan)
+            steps.covariance[k] = result.covariance
+            steps.information[k] = se2.to_body_covariance(result.T_reference_scan, result.information)
+            steps.verdict[k] = Verdict.MATCHED
+            self._last_matched = k
+            if self.config.calibrate and reckoning.in_world:
+                self._calibrate(k)
+        else:
+            steps.poses[k] = seed.pose
+            steps.covariance[k] = reckoning.body_covariance(int(steps.reference[k]), k, seed.pose)
+            steps.verdict[k] = Verdict.FELL_BACK
+        self._last = k
+
+    def _is_believable(self, seed: _Seed, result: Match) -> bool:
+        config = self.config
+        variances = np.abs(np.diag(result.covariance)) * [1e6, 1e6, 1.0]
+        if not result.converged or np.any(variances > config.max_variance):
+            return False
+        if np.isinf(config.max_innovation):
+            return True
+        innovation = (se2.compose(self._origin(), result.T_reference_scan) - seed.pose)[:2]
+        distance = innovation @ np.linalg.solve(seed.covariance[:2, :2], innovation)
+        return bool(distance <= config.max_innovation)
+
+    def _calibrate(self, k: int) -> None:
+        """Learn what a step between two matched scans tells about the INS."""
+        steps, reckoning, j = self._steps, self.reckoning, self._last
+        if j > 0 and steps.verdict[j] != Verdict.MATCHED:
+            return
+        sensed = reckoning.poses[k] - reckoning.poses[j]
+        matched = steps.poses[k] - steps.poses[j]
+        sigma = np.sqrt(np.abs(np.diag(steps.covariance[k])))
+        self._calibration.learn(sensed, reckoning.seconds(j, k), matched, sigma)
+
+    def _record_statistics(self, k: int, seed: _Seed, scan: Scan, result: Match | NoMatch) -> None:
+        """Keep the match's statistics; a step is expected from its reference on, whatever the seed."""
+        steps, reckoning = self._steps, self.reckoning
+        if isinstance(result, NoMatch):
+            steps.statistics.note_failure(k)
+            return
+        expected, covariance = seed.pose, seed.covariance
+        if self.config.seed_mode == "absolute":
+            j = int(steps.reference[k])
+            expected = reckoning.predict(j, k, steps.poses[j])
+            covariance = reckoning.map_covariance(j, k, expected)
+        attitude = None if self.measurements.attitude is None else self.measurements.attitude[k]
+        steps.statistics.note(k, result, len(scan), attitude, self._origin(), expected, covariance)
+
+    def _is_given_up(self, k: int) -> bool:
+        return k - self._last_matched >= self.config.laser_only.max_unmatched
+
+    def _start_anew(self, scan: Scan, k: int) -> None:
+        """A robot that has been lost for long sees places it has no map of: forget the local map."""
+        self._last_matched = k
+        if self.config.reference == "local_map":
+            self._local = LocalMap(self.config.map_scans)
+        self._add_keyframe(scan, k)
+
+    def _is_keyframe(self, k: int) -> bool:
+        config, poses = self.config, self._steps.poses
+        step = np.abs(se2.between(poses[self._keyframes[-1]], poses[k]))
+        return bool(np.any(step >= [config.extend_distance, config.extend_distance, config.extend_angle]))
+
+    def _add_keyframe(self, scan: Scan, k: int) -> None:
+        """Scan k is matched against from now on, alone in its own frame, or with the last ones in the map
+        frame."""
+        self._keyframes.append(k)
+        if self.config.reference == "scan":
+            self._local = Reference(scan)
+        else:
+            assert isinstance(self._local, LocalMap)
+            self._local.add(scan, self._steps.poses[k])
+
+    def _origin(self) -> Array:
+        """Pose in the map of the frame that scans are matched in."""
+        scan_to_scan = self.config.reference == "scan"
+        return self._steps.poses[self._keyframes[-1]] if scan_to_scan else np.zeros(3)
 
 
-def tilted_scans(recording: Recording, limit: float, window: int = 101, centred: bool = True) -> np.ndarray:
-    """Scans ``(N,)`` bool whose roll or pitch is more than ``limit`` rad off its running median.
-
-    The INS's absolute tilt is useless after a shock; its change is not. ``centred``: the median is of as many
-    scans before as after; otherwise of the scans so far, the first standing for those before it. All False
-    without attitude.
-    """
-    from scipy.ndimage import median_filter
-
-    if recording.attitude is None or not np.isfinite(limit):
-        return np.zeros(len(recording), dtype=bool)
-    unwrapped = np.unwrap(recording.attitude, axis=0)
-    size, origin = (min(window, len(recording)), 0) if centred else (window, window // 2)
-    recent = median_filter(unwrapped, size=(size, 1), mode="nearest", origin=(origin, 0))
-    return np.any(np.abs(unwrapped - recent) > limit, axis=1)
-
-
-def _start(recording: Recording, config: FrontendConfig) -> _State:
-    n = len(recording)
-    poses = np.zeros((n, 3))
-    poses[0] = recording.dead_reckoning[0]
-    return _State(
-        poses=poses,
-        verdict=np.full(n, Verdict.SKIPPED, dtype=np.int8),
-        reference=np.full(n, -1, dtype=np.int64),
-        covariance=np.full((n, 3, 3), np.nan),
-        evidence=Evidence.empty(n),
-        information=np.zeros((n, 3, 3)),
-        matches=np.zeros(n, dtype=np.int64),
-        keyframes=[],
-        local=LocalMap(config.map_scans),
-    )
-
-
-def _looking_far(config: FrontendConfig) -> FrontendConfig:
-    """The settings for a robot that nothing but its laser tells how it moved: no scan is matched without
-    looking round for a better answer. A matcher that never looks round stays as it is."""
+def _with_wide_search(config: FrontendConfig) -> FrontendConfig:
+    """The settings for a robot that nothing but its laser tells how it moved: no scan is matched without a
+    wide search for a better answer. A matcher that never searches stays as it is."""
     if config.match.search_shift <= 0.0:
         return config
-    far = replace(config.match, search_shift=FAR, search_turn=FAR_TURN, least_share=ALWAYS)
-    return replace(config, match=far)
-
-
-def _seed(recording: Recording, state: _State, k: int, config: FrontendConfig) -> _Seed:
-    if recording.source == "none":
-        return _coasted(recording, state, k)
-    if config.seed_mode == "absolute":
-        pose = recording.dead_reckoning[k]
-    else:
-        calibration = state.calibration if config.calibrate and recording.source == "ins" else None
-        pose = dead_reckoning.predict(recording, state.last, k, state.poses[state.last], calibration)
-    return _Seed(pose, dead_reckoning.map_covariance(recording, state.last, k, pose))
-
-
-def _coasted(recording: Recording, state: _State, k: int) -> _Seed:
-    """Where a robot without dead reckoning is expected: as fast on as it was, or at rest once it was lost."""
-    j, i = state.last, int(state.reference[state.last])
-    before, since = recording.time[j] - recording.time[i], recording.time[k] - recording.time[j]
-    if j != state.sure or i < 0 or before <= 0.0 or not 0.0 < since < LONGEST_COAST:
-        rest = dead_reckoning.predict(recording, j, k, state.poses[j])
-        return _Seed(rest, dead_reckoning.map_covariance(recording, state.sure, k, rest))
-    step = se2.log(se2.between(state.poses[i], state.poses[j]))
-    pose = se2.compose(state.poses[j], se2.exp(step * min(since / before, 2.0)))
-    return _Seed(pose, COASTING**2 * dead_reckoning.map_covariance(recording, j, k, pose))
-
-
-def _start_anew(state: _State, scan: Scan, k: int, config: FrontendConfig) -> None:
-    """A robot that has been lost for long sees places it has no map of: forget the local map."""
-    state.sure = k
-    if config.reference == "local_map":
-        state.local = LocalMap(config.map_scans)
-    _extend(state, scan, k, config)
-
-
-def _moved(recording: Recording, j: int, k: int, config: FrontendConfig) -> bool:
-    if config.skip_distance <= 0.0 and config.skip_angle <= 0.0:
-        return True
-    step = np.abs(se2.between(recording.dead_reckoning[j], recording.dead_reckoning[k]))
-    return bool(np.any(step >= [config.skip_distance, config.skip_distance, config.skip_angle]))
-
-
-def _extend(state: _State, scan: Scan, k: int, config: FrontendConfig) -> None:
-    """Scan k becomes a keyframe: what is matched against from now on, alone in its own frame, or with the
-    last ones in the map frame."""
-    state.keyframes.append(k)
-    if config.reference == "scan":
-        state.local = Reference(scan)
-    else:
-        assert isinstance(state.local, LocalMap)
-        state.local.add(scan, state.poses[k])
-
-
-def _match(state: _State, scan: Scan, seed: _Seed, config: FrontendConfig) -> Match | NoMatch:
-    """The scan's pose in the frame of what it is matched against."""
-    prior = np.linalg.inv(seed.covariance) if config.trust_dead_reckoning else None
-    guess = se2.between(_origin(state, config), seed.pose)
-    return match(state.local, scan, guess, config.method, config.covariance, prior, config.match)
-
-
-def _accept(
-    recording: Recording,
-    state: _State,
-    k: int,
-    seed: _Seed,
-    result: Match | NoMatch,
-    config: FrontendConfig,
-) -> None:
-    """Believe the match, or fall back to the seed with the dead reckoning's covariance."""
-    state.reference[k] = state.keyframes[-1] if config.reference == "scan" else state.last
-    state.matches[k] = result.n_matches
-    if isinstance(result, Match) and _believed(state, seed, result, config):
-        state.poses[k] = se2.compose(_origin(state, config), result.T_reference_scan)
-        state.covariance[k] = result.covariance
-        state.information[k] = se2.to_body_covariance(result.T_reference_scan, result.information)
-        state.verdict[k] = Verdict.MATCHED
-        state.sure = k
-        if config.calibrate and recording.source == "ins":
-            _learn(recording, state, k)
-    else:
-        state.poses[k] = seed.pose
-        j = int(state.reference[k])
-        state.covariance[k] = dead_reckoning.body_covariance(recording, j, k, seed.pose)
-        state.verdict[k] = Verdict.FELL_BACK
-    state.last = k
-
-
-def _note(
-    recording: Recording,
-    state: _State,
-    k: int,
-    seed: _Seed,
-    scan: Scan,
-    result: Match | NoMatch,
-    config: FrontendConfig,
-) -> None:
-    """Keep what the matcher left behind; a step is expected from its reference on, whatever the seed."""
-    if isinstance(result, NoMatch):
-        state.evidence.note_failure(k)
-        return
-    expected, covariance = seed.pose, seed.covariance
-    if config.seed_mode == "absolute":
-        j = int(state.reference[k])
-        expected = dead_reckoning.predict(recording, j, k, state.poses[j])
-        covariance = dead_reckoning.map_covariance(recording, j, k, expected)
-    attitude = None if recording.attitude is None else recording.attitude[k]
-    origin = _origin(state, config)
-    state.evidence.note(k, result, len(scan), attitude, origin, expected, covariance)
-
-
-def _believed(state: _State, seed: _Seed, result: Match, config: FrontendConfig) -> bool:
-    variances = np.abs(np.diag(result.covariance)) * [1e6, 1e6, 1.0]
-    if not result.converged or np.any(variances > config.most_variance):
-        return False
-    if np.isinf(config.most_innovation):
-        return True
-    innovation = (se2.compose(_origin(state, config), result.T_reference_scan) - seed.pose)[:2]
-    return bool(innovation @ np.linalg.solve(seed.covariance[:2, :2], innovation) <= config.most_innovation)
-
-
-def _origin(state: _State, config: FrontendConfig) -> Array:
-    """Pose in the map of the frame that scans are matched in."""
-    return state.poses[state.keyframes[-1]] if config.reference == "scan" else np.zeros(3)
-
-
-def _learn(recording: Recording, state: _State, k: int) -> None:
-    """What a step between two matched scans teaches about the INS."""
-    j = state.last
-    if j > 0 and state.verdict[j] != Verdict.MATCHED:
-        return
-    seconds = float(recording.time[k] - recording.time[j])
-    sensed = recording.dead_reckoning[k] - recording.dead_reckoning[j]
-    matched = state.poses[k] - state.poses[j]
-    state.calibration.learn(sensed, seconds, matched, np.sqrt(np.abs(np.diag(state.covariance[k]))))
-
-
-def _extends(state: _State, k: int, config: FrontendConfig) -> bool:
-    step = np.abs(se2.between(state.poses[state.keyframes[-1]], state.poses[k]))
-    return bool(np.any(step >= [config.extend_distance, config.extend_distance, config.extend_angle]))
-
-
-def _finish(state: _State, part: slice) -> Track:
-    return Track(
-        state.poses[part], state.verdict[part], state.reference[part], state.covariance[part],
-        state.information[part], state.matches[part], confidence.columns(state.evidence[part]),
-    )  # fmt: skip
+    wide = config.laser_only
+    shift, turn = wide.search_shift, wide.search_turn
+    return replace(
+        config, match=replace(config.match, search_shift=shift, search_turn=turn, least_share=ALWAYS)
+    )

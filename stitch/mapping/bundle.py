@@ -17,61 +17,120 @@ from scipy.spatial import cKDTree
 
 from slam import se2
 from slam.graph.gauss_newton import ITERATIONS, Problem
-from slam.graph.odometry_factors import SHARED_ERROR
+from slam.graph.odometry_factors import OdometryFactorConfig, dead_reckoning_graph
 from slam.graph.pose_graph import PoseGraph
+from slam.mapping import keyframes
+from slam.mapping.keyframes import KeyframeConfig
 from slam.matching import Reference
 from slam.matching.reference import SCAN_CELL
+from slam.odometry.dead_reckoning import DeadReckoning
 from slam.scan import Scan
 from slam.se2 import Array
-
-DOUBT = 6.0
-"""See `BundleConfig`; set on drives through outdoor, office_smoke and two_drives, seeds 100 to 103."""
-
-STEPS = 3
-"""Gauss-Newton steps of all poses in a round; the next round's matches say more than further ones."""
-
-SAME_PLACE, SAME_VIEW = 1.0, np.radians(45.0)
-"""Keyframes within this (m, rad) of each other see the same."""
 
 SIDE = 32
 """Buckets along a side of a keyframe's lattice: there are many, and they are kept."""
 
-ONE_PASS = 20
-"""Keyframes this near to each other in the drive belong to one pass."""
-
 
 @dataclass(frozen=True)
 class BundleConfig:
-    """Each keyframe is matched to at most ``neighbours`` earlier ones within ``reach`` m, at most
-    ``per_pass`` of them from one stretch of the drive. One round per entry of ``radii`` (correspondence
-    distance, m); ``robust`` the χ² at which a pair of points counts half. ``fade`` is the mean
-    information below which a direction fades out. Scans whose points lie within ``level_misfit`` (mean χ²) of
-    each other's lines saw one plane of the world; others were tilted or off the floor, which moves them all
-    alike, and count less by the power `DOUBT`. ``passes`` past a place make its map.
-    """
+    """Bundle adjustment of keyframes."""
 
     neighbours: int = 14
+    """Earlier keyframes that each is matched to at most."""
     per_pass: int = 5
+    """Those of them of one stretch of the drive at most."""
     reach: float = 3.0
+    """Keyframes within this [m] are matched."""
     radii: tuple[float, ...] = (0.4, 0.4, 0.25, 0.25, 0.15, 0.15, 0.15)
+    """Correspondence distances [m], one round each."""
+    steps: int = 3
+    """Gauss-Newton steps of all poses in a round; the next round's matches say more than further ones."""
     robust: float = 9.0
+    """χ² at which a pair of points counts half."""
     fade: float = 0.02
+    """Mean information of a point pair below which a direction fades out."""
     length: float = 2.0
+    """Lever [m] by which angles and lengths are compared where directions fade out."""
     least_pairs: int = 15
+    """Point pairs that a scan pair needs."""
+    match_inflation: float = 25.0
+    """Covariance inflation of a scan pair: neighbouring points share their errors."""
     level_misfit: float = 0.8
+    """Mean χ² of a scan pair above which it is taken for tilted or off the floor, which moves all its
+    points alike."""
+    tilt_discount: float = 6.0
+    """Such a pair's information is scaled by (level_misfit / χ²) to this power; set on drives through
+    outdoor, office_smoke and two_drives, seeds 100 to 103."""
     passes: int = 3
+    """Earlier passes by a place that make its map; later keyframes there are placed in it."""
+    same_place: float = 1.0
+    """Keyframes within this [m] of each other see the same …"""
+    same_view: float = np.radians(45.0)
+    """… if they are turned by less [rad]."""
+    pass_gap: int = 20
+    """Keyframes this near to each other in the drive belong to one pass."""
+    placed_neighbours: int = 10
+    """Keyframes of the map that each remaining one is matched to at most."""
+    placed_per_pass: int = 5
+    """Those of them of one pass."""
+    placed_rounds: int = 4
+    """Rounds for the remaining keyframes, the last of ``radii``: fewer, as the map is fixed."""
 
 
-def mapping(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarray:
-    """Which keyframes ``(K,)`` bool the map is made of: those that see what fewer than ``config.passes`` of
-    them saw before, and those not ``usable (K,)`` on the way from one to the next of these."""
+def adjust_all_scans(
+    reckoning: DeadReckoning,
+    scans: Sequence[Scan],
+    poses: Array,
+    matched: np.ndarray,
+    config: BundleConfig,
+    spacing: KeyframeConfig = KeyframeConfig(),
+    odometry: OdometryFactorConfig = OdometryFactorConfig(),
+) -> tuple[Array, Array]:
+    """Poses ``(N, 3)`` of all scans and their covariances ``(N, 3, 3)`` after the bundle, from ``poses`` on.
+
+    ``matched (N,)`` bool marks the scans that may be matched. Keyframes that make the map are adjusted with
+    each other; the remaining ones are carried along with their neighbours, then optimised with the map fixed.
+    """
+    rows = keyframes.choose(poses, spacing)
+    before, usable = poses[rows], matched[rows]
+    in_map = select_map_keyframes(before, usable, config)
+    factors = dead_reckoning_graph(reckoning, poses, rows[in_map], odometry)
+    graph = adjust([scans[k] for k in rows[in_map]], factors, usable[in_map], config)
+    after, covariance = before.copy(), np.zeros((len(rows), 3, 3))
+    after[in_map], covariance[in_map] = graph.poses, _marginals(graph)
+    if not np.all(in_map):
+        firm = np.flatnonzero(in_map & usable)
+        beside = firm[cKDTree(before[firm, :2]).query(before[~in_map, :2])[1]]
+        after[~in_map] = se2.compose(after[beside], se2.between(before[beside], before[~in_map]))
+        factors = replace(dead_reckoning_graph(reckoning, poses, rows, odometry), poses=after)
+        radii = config.radii[-config.placed_rounds :]
+        placing = replace(
+            config, neighbours=config.placed_neighbours, per_pass=config.placed_per_pass, radii=radii
+        )
+        graph = adjust([scans[k] for k in rows], factors, usable, placing, in_map)
+        after = graph.poses
+        of_map = se2.transport(covariance[beside], se2.between(after[~in_map], after[beside]))
+        covariance[~in_map] = of_map + _marginals(graph, in_map)[~in_map]
+    return keyframes.carry(poses, rows, after), covariance[keyframes.nearest(rows, len(poses))]
+
+
+def _marginals(graph: PoseGraph, fixed: np.ndarray | None = None) -> Array:
+    """Covariances ``(K, 3, 3)`` in the body frame at the graph's poses; given where the fixed ones are."""
+    factor, _ = Problem.of(graph, fixed).factor(graph.poses, np.ones(len(graph.edges)))
+    return factor.inverse_blocks()
+
+
+def select_map_keyframes(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarray:
+    """Mask ``(K,)`` of the keyframes to optimise: one is left out where ``config.passes`` earlier passes have
+    covered the same place; those not ``usable (K,)`` between two kept ones are kept, so that the graph stays
+    connected."""
     tree = cKDTree(poses[:, :2])
     needed = usable.copy()
     for j in np.flatnonzero(usable):
-        near = np.array(tree.query_ball_point(poses[j, :2], SAME_PLACE))
-        near = np.sort(near[(near < j - ONE_PASS) & needed[near]])
-        alike = near[np.abs(se2.wrap(poses[near, 2] - poses[j, 2])) <= SAME_VIEW]
-        passes = int(np.sum(np.diff(alike) > ONE_PASS)) + (len(alike) > 0)
+        near = np.array(tree.query_ball_point(poses[j, :2], config.same_place))
+        near = np.sort(near[(near < j - config.pass_gap) & needed[near]])
+        alike = near[np.abs(se2.wrap(poses[near, 2] - poses[j, 2])) <= config.same_view]
+        passes = int(np.sum(np.diff(alike) > config.pass_gap)) + (len(alike) > 0)
         needed[j] = passes < config.passes
     ends = np.flatnonzero(usable)
     before = np.searchsorted(ends, np.arange(len(poses)), side="right") - 1
@@ -83,32 +142,37 @@ def mapping(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarra
 
 def adjust(
     scans: Sequence[Scan],
-    backbone: PoseGraph,
+    factors: PoseGraph,
     usable: np.ndarray,
     config: BundleConfig,
-    held: np.ndarray | None = None,
+    fixed: np.ndarray | None = None,
 ) -> PoseGraph:
     """The graph of keyframes with its poses ``(K, 3)`` adjusted and the last round's pairs as its edges.
 
     ``scans`` are the K keyframes in the robot's frame; ``usable (K,)`` bool marks those that may be matched.
-    ``backbone`` holds what is not matched here (dead reckoning), at the poses to start from. Those that
-    ``held (K,)`` bool marks (default: none) stay where they are, and the others are matched to them alone.
+    ``factors`` holds what is not matched here (dead reckoning), at the poses to start from. Those that
+    ``fixed (K,)`` bool marks (default: none) stay where they are, and the others are matched to them alone.
     """
     cloud = _Cloud.of(scans)
-    pairs = neighbours(backbone.poses, usable, config, held)
-    graph = backbone
+    pairs = choose_pairs(factors.poses, usable, config, fixed)
+    graph = factors
     for radius in config.radii:
-        seen, T_ij, information, misfit = cloud.linearised(graph.poses, pairs, radius, config)
-        graph = _with_pairs(replace(backbone, poses=graph.poses), seen, T_ij, information)
-        graph = _descended(graph, held, STEPS)
-    doubt = np.maximum(1.0, misfit / config.level_misfit) ** DOUBT
-    graph = _with_pairs(replace(backbone, poses=graph.poses), seen, T_ij, information / doubt[:, None, None])
-    return _descended(graph, held)
+        seen, T_ij, information, misfit = cloud.linearise_pairs(graph.poses, pairs, radius, config)
+        graph = _with_pairs(replace(factors, poses=graph.poses), seen, T_ij, information)
+        graph = _optimise(graph, fixed, config.steps)
+    doubt = discount_tilted(misfit, config)
+    graph = _with_pairs(replace(factors, poses=graph.poses), seen, T_ij, information / doubt[:, None, None])
+    return _optimise(graph, fixed)
 
 
-def _descended(graph: PoseGraph, held: np.ndarray | None, steps: int = ITERATIONS) -> PoseGraph:
+def discount_tilted(misfit: Array, config: BundleConfig) -> Array:
+    """By what the information of scan pairs is divided, given their mean χ² ``misfit (P,)``."""
+    return np.maximum(1.0, misfit / config.level_misfit) ** config.tilt_discount
+
+
+def _optimise(graph: PoseGraph, fixed: np.ndarray | None, steps: int = ITERATIONS) -> PoseGraph:
     weights = np.ones(len(graph.edges))
-    return replace(graph, poses=Problem.of(graph, held).descend(graph.poses, weights, steps))
+    return replace(graph, poses=Problem.of(graph, fixed).descend(graph.poses, weights, steps))
 
 
 @dataclass(frozen=True)
@@ -131,7 +195,7 @@ class _Cloud:
         offsets = np.concatenate([[0], np.cumsum([len(scan) for scan in scans])]).astype(np.int64)
         return cls(arrays, offsets, (cell[0], np.stack(heads), np.concatenate(following)))
 
-    def linearised(
+    def linearise_pairs(
         self, poses: Array, pairs: np.ndarray, radius: float, config: BundleConfig
     ) -> tuple[np.ndarray, Array, Array, Array]:
         """Pairs that see each other, their relative poses ``T_ij`` one step on, the information in the body
@@ -144,38 +208,38 @@ class _Cloud:
             config.robust, config.fade, config.length,
         )  # fmt: skip
         known = used >= config.least_pairs
-        in_body = se2.to_body_covariance(T_ij[known], information[known]) / SHARED_ERROR
+        in_body = se2.to_body_covariance(T_ij[known], information[known]) / config.match_inflation
         return pairs[known], T_ij[known], in_body, misfit[known]
 
 
-def neighbours(
-    poses: Array, usable: np.ndarray, config: BundleConfig, held: np.ndarray | None = None
+def choose_pairs(
+    poses: Array, usable: np.ndarray, config: BundleConfig, fixed: np.ndarray | None = None
 ) -> np.ndarray:
     """Pairs ``(P, 2)`` of keyframes i < j to match: near each other and from as many passes as there are;
-    with some ``held``, these and the others."""
-    first, second = (usable, usable) if held is None else (usable & held, usable & ~held)
+    with some ``fixed``, these and the others."""
+    first, second = (usable, usable) if fixed is None else (usable & fixed, usable & ~fixed)
     firsts = np.flatnonzero(first)
     tree = cKDTree(poses[firsts, :2])
     pairs = []
     for j in np.flatnonzero(second):
         near = firsts[np.sort(tree.query_ball_point(poses[j, :2], config.reach)).astype(np.int64)]
-        pairs += [(int(i), int(j)) for i in neighbours_of(poses, int(j), near, config)]
+        pairs += [(int(i), int(j)) for i in choose_neighbours(poses, int(j), near, config)]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def neighbours_of(poses: Array, j: int, near: np.ndarray, config: BundleConfig) -> np.ndarray:
+def choose_neighbours(poses: Array, j: int, near: np.ndarray, config: BundleConfig) -> np.ndarray:
     """Those of the keyframes ``near`` j, in ascending order, that j is to be matched to: earlier ones, the
     latest passes first."""
     near = np.asarray(near, dtype=np.int64)
     near = near[near < j]
     apart = np.linalg.norm(poses[near, :2] - poses[j, :2], axis=1)
     passes = np.split(np.arange(len(near)), np.flatnonzero(np.diff(near) > 1) + 1)
-    chosen, found = [np.zeros(0, dtype=np.int64)], 0
+    chosen, count = [np.zeros(0, dtype=np.int64)], 0
     for run in reversed(passes):
-        if found >= config.neighbours or len(run) == 0:
+        if count >= config.neighbours or len(run) == 0:
             break
         chosen.append(_spread(run, apart, config.per_pass))
-        found += len(chosen[-1])
+        count += len(chosen[-1])
     return near[np.concatenate(chosen)[: config.neighbours]]
 
 
@@ -188,12 +252,12 @@ def _spread(run: np.ndarray, apart: Array, most: int) -> np.ndarray:
     return np.unique(even)
 
 
-def _with_pairs(backbone: PoseGraph, pairs: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
+def _with_pairs(factors: PoseGraph, pairs: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
     return replace(
-        backbone,
-        edges=np.concatenate([backbone.edges, pairs]),
-        T_ij=np.concatenate([backbone.T_ij, T_ij]),
-        information=np.concatenate([backbone.information, information]),
-        loop=np.zeros(len(backbone.edges) + len(pairs), dtype=bool),
-        heavy=np.concatenate([backbone.heavy, np.zeros(len(pairs), dtype=bool)]),
+        factors,
+        edges=np.concatenate([factors.edges, pairs]),
+        T_ij=np.concatenate([factors.T_ij, T_ij]),
+        information=np.concatenate([factors.information, information]),
+        loop=np.zeros(len(factors.edges) + len(pairs), dtype=bool),
+        heavy=np.concatenate([factors.heavy, np.zeros(len(pairs), dtype=bool)]),
     )

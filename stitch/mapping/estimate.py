@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping.submap import Submap
+from slam.odometry.laser_mount import Mount
 from slam.odometry.track import Track
 from slam.se2 import Array
 from stitch.align import NoStitch, Prior, Stitch
@@ -16,7 +17,7 @@ class LoopCandidate:
     """A pair of submaps (indices into ``Estimate.submaps``) that was tried, and what came of it.
 
     ``weight`` is what the robust graph left of it: 1 kept, 0 switched off, None where it never got there.
-    ``turn`` counts the rounds through the drive, from 0; in each a pair is tried when the drive has come to
+    ``round`` counts the rounds through the drive, from 0; in each a pair is tried when the drive has come to
     the end of b. ``prior`` is where the graph expected b, None where everything was searched. A pair that was
     refused may be tried again, which is another entry.
     """
@@ -25,7 +26,7 @@ class LoopCandidate:
     b: int
     result: Stitch | NoStitch
     weight: float | None = None
-    turn: int = 0
+    round: int = 0
     prior: Prior | None = None
 
     @property
@@ -35,7 +36,7 @@ class LoopCandidate:
 
 
 @dataclass(frozen=True)
-class Live:
+class OnlineResult:
     """What was answered on the way: ``poses (N, 3)`` of each scan as given when it arrived, and the
     ``seconds (N,)`` from its arrival until then."""
 
@@ -55,8 +56,9 @@ class NoEstimate:
 class Estimate:
     """A method's answer: ``poses (N, 3)`` of the robot at every scan, and how it came about.
 
-    ``covariance (N, 3, 3)`` are the marginals in the body frame, None where the method has none; ``live`` is
-    what a method answered that works scan by scan.
+    ``covariance (N, 3, 3)`` are the marginals in the body frame, None where the method has none; ``online``
+    is what a method answered that works scan by scan; ``laser_mount`` where the laser was found to sit, None
+    where that was stated or could not be told.
     """
 
     method: str
@@ -67,4 +69,5 @@ class Estimate:
     stitches: tuple[LoopCandidate, ...] = ()
     graph_before: PoseGraph | None = None
     graph_after: PoseGraph | None = None
-    live: Live | None = None
+    online: OnlineResult | None = None
+    laser_mount: Mount | None = None

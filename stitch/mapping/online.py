@@ -1,4 +1,4 @@
-"""Our method scan by scan: every scan is answered when it arrives, from what has been seen until then.
+"""The map scan by scan: every scan is answered when it arrives, from what has been seen until then.
 
 What a scan makes necessary beyond its own pose (stitches, matches to what an accepted stitch has brought
 near) waits in two queues, of which each scan takes one piece of work: no scan waits for all of it.
@@ -6,277 +6,369 @@ near) waits in two queues, of which each scan takes one piece of work: no scan w
 
 from __future__ import annotations
 
-import time
+import time as clock
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
-from scenarios.methods.config import MethodConfig
 from slam import se2
 from slam.graph.isam2 import IncrementalGraph
+from slam.graph.odometry_factors import dead_reckoning_graph, step_covariance
 from slam.graph.pose_graph import informations
 from slam.mapping import keyframes
 from slam.mapping.submap import cut
 from slam.matching import Reference
-from slam.odometry.ego_motion_filter import without_companion_points
+from slam.measurements import MeasurementLog
+from slam.odometry.dead_reckoning import DeadReckoning
+from slam.odometry.ego_motion_filter import filter_scan
 from slam.odometry.segmentation import lost_steps
+from slam.odometry.tilt import TiltDetector
 from slam.odometry.track import Verdict
-from slam.odometry.tracker import Tracker, tilted_scans
-from slam.recording import Recording
+from slam.odometry.tracker import Tracker
+from slam.recording import Laser, Recording, Source
 from slam.scan import Scan
 from slam.se2 import Array
 from stitch.align import Stitch, align
-from stitch.mapping import backbone as backbones
-from stitch.mapping.estimate import Estimate, Live, LoopCandidate
-from stitch.mapping.loop_closure import Stitcher, doubted, weighed
+from stitch.mapping.config import MappingConfig
+from stitch.mapping.estimate import Estimate, LoopCandidate, NoEstimate, OnlineResult
+from stitch.mapping.growing_submap_graph import GrowingSubmapGraph
+from stitch.mapping.loop_closure import Stitcher, gate_by_belief
+from stitch.mapping.offline import find_mount
 from stitch.mapping.pairing import match_pairs, partners
-from stitch.mapping.submap_graph import SubmapGraph
-
-KEYFRAME_DISTANCE, KEYFRAME_ANGLE = 0.15, np.radians(7.0)
-"""A scan becomes a node this far (m, rad) from the last one."""
-
-SURPRISE = 11.345
-"""χ²₃(0.99): a stitch that lies farther from where the graph expects it makes the graph judge all anew."""
-
-NEIGHBOURS, PER_PASS = 6, 3
-"""Keyframes that each is matched to, and those of one stretch of the drive: with more, updates take long."""
-
-TILT_WINDOW = 31
-"""Scans of the running median of the tilt: of the past alone, half of a longer one would always be late."""
-
-RECENT = 10
-"""Scans from which is told whether confidence is lost at the last of them."""
-
-SETTLING = 2
-"""Updates after which a loop that moved the graph has settled."""
+from stitch.mapping.rejection import rejection_reason
+from stitch.mapping.submap_graph import with_weights
 
 
-def run(recording: Recording, config: MethodConfig) -> Estimate:
-    """Each scan in turn; the estimate has the final graph's poses, its ``live`` those given on the way."""
-    mapper = Mapper(recording, config, partial(align, config=config.loops.align))
-    poses, seconds = np.zeros((len(recording), 3)), np.zeros(len(recording))
-    for k in range(len(recording)):
-        arrived = time.perf_counter()
-        poses[k] = mapper.step()
-        seconds[k] = time.perf_counter() - arrived
-    return mapper.estimate(Live(poses, seconds))
+@dataclass(frozen=True)
+class Pose:
+    """Where the robot is, as far as is known when its scan has arrived.
 
-
-class Mapper:
-    """The map as far as it is known: `step` takes in the next scan of the recording and answers its pose.
-
-    Of the recording's rows a step reads those up to its own scan only.
+    ``pose (3,)`` (m, m, rad) in the map frame, which begins at the first dead-reckoned pose; ``covariance
+    (3, 3)`` in the body tangent; ``verdict``: whether the scan was matched.
     """
 
-    def __init__(self, recording: Recording, config: MethodConfig, stitch: Stitcher) -> None:
-        self.recording, self.config, self.stitch = recording, config, stitch
-        self.bundle = replace(config.bundle, neighbours=NEIGHBOURS, per_pass=PER_PASS)
-        tilted = tilted_scans(recording, config.frontend.tilt_limit, TILT_WINDOW, centred=False)
-        self.tracker = Tracker(recording, config.frontend, tilted)
-        self.seen: list[Scan] = []
-        self.scans: list[Scan] = []
-        self.graph = IncrementalGraph(recording.dead_reckoning[0])
-        self.rows: list[
-            int
-        ] = []  # of each node: its scan, that scan with an index, may it be matched, submap
-        self.references: list[Reference] = []
-        self.usable: list[bool] = []
-        self.piece: list[int] = []
-        self.matched_to: list[set[int]] = []
-        self.pairs: dict[int, tuple[int, int]] = {}  # edge -> nodes it ties
-        self.skeleton = SubmapGraph(recording, config.loops)
-        self.loops: dict[tuple[int, int], int] = {}  # submaps -> edge of their stitch in the graph
-        self.tried: list[LoopCandidate] = []
-        self.open: int | None = None  # scan that the submap being driven began with
-        self.steady, self.steps = True, 0
-        self.moved = False  # by stitches that came or went since the last update
-        self.waiting_stitches: deque[tuple[int, int]] = deque()
-        self.waiting_nodes: dict[int, None] = {}
+    pose: Array
+    covariance: Array
+    verdict: Verdict
 
-    def step(self) -> Array:
-        """Pose ``(3,)`` of the next scan."""
-        k, self.moved = len(self.scans), False
-        self._see(k)
-        self.tracker.step(self.scans[k])
-        if self._begins(k) or k == 0 or self._far_from_last_node(k):
-            self._add_node(k)
-        self._work()
-        self.graph.update(SETTLING if self.moved else 1)
-        last = self.rows[-1]
-        step = se2.between(self.tracker.poses[last], self.tracker.poses[k])
-        return se2.compose(self.graph.pose(len(self.rows) - 1), step)
 
-    def estimate(self, live: Live) -> Estimate:
-        """The whole drive as the final graph has it, all work done."""
-        self._end(len(self.scans))
-        while self.waiting_stitches or self.waiting_nodes:
+@dataclass
+class _Node:
+    """A keyframe in the graph: scan number ``row``, indexed for matching; ``usable`` if it may be matched;
+    the number of its ``submap``, -1 for none; the nodes it was ``matched_to``."""
+
+    row: int
+    reference: Reference
+    usable: bool
+    submap: int
+    matched_to: set[int] = field(default_factory=set)
+
+
+def replay_online(recording: Recording, config: MappingConfig = MappingConfig()) -> Estimate | NoEstimate:
+    """Each scan of a recording in turn, as a robot would have it; the estimate has the final graph's poses,
+    its ``online`` those given on the way.
+
+    The laser's mount is found, and a map that knows it is lost refused, as in `map_recording`. Stamps that go
+    backwards, as some logs' do, are held at the last one's.
+    """
+    mount = find_mount(recording, config)
+    if mount is not None:
+        recording = recording.with_laser_mount(mount.T_robot_laser)
+    mapper = OnlineMapper(recording.laser, recording.angles, config, recording.source)
+    stamps = np.maximum.accumulate(recording.time)
+    poses, seconds = np.zeros((len(recording), 3)), np.zeros(len(recording))
+    for k in range(len(recording)):
+        dead_reckoning = None if recording.source == "none" else recording.dead_reckoning[k]
+        attitude = None if recording.attitude is None else recording.attitude[k]
+        arrived = clock.perf_counter()
+        poses[k] = mapper.process(recording.ranges[k], stamps[k], dead_reckoning, attitude).pose
+        seconds[k] = clock.perf_counter() - arrived
+    estimate = replace(mapper.estimate(), online=OnlineResult(poses, seconds), laser_mount=mount)
+    reason = rejection_reason(estimate, config.rejection) if recording.source == "none" else None
+    return NoEstimate(estimate.method, reason) if reason else estimate
+
+
+class OnlineMapper:
+    """The map as far as it is known: `process` takes in the next scan and answers its pose.
+
+    ``laser`` and ``angles (B,)`` rad as in `slam.recording.Recording`; ``source`` tells what dead reckoning
+    is: "odometry", "ins", or "none" for the laser alone. ``stitch`` aligns two submaps (default: `align` as
+    configured).
+    """
+
+    def __init__(
+        self,
+        laser: Laser,
+        angles: Array,
+        config: MappingConfig = MappingConfig(),
+        source: Source = "odometry",
+        stitch: Stitcher | None = None,
+    ) -> None:
+        self.config = config
+        self.bundle = replace(
+            config.bundle, neighbours=config.online.neighbours, per_pass=config.online.per_pass
+        )
+        self.stitch = partial(align, config=config.loops.align) if stitch is None else stitch
+        self.measurements = MeasurementLog(laser, angles, source)
+        self.reckoning = DeadReckoning(self.measurements, config.frontend.dead_reckoning)
+        self.tracker = Tracker(self.measurements, config.frontend)
+        self.tilt = TiltDetector(config.frontend.tilt_limit, config.online.tilt_window)
+        self.graph: IncrementalGraph  # from the first scan on
+        self.submap_graph = GrowingSubmapGraph(
+            self.reckoning, config.loops, config.odometry, config.online.match_distance
+        )
+        self._unfiltered: list[Scan] = []
+        self._scans: list[Scan] = []
+        self._nodes: list[_Node] = []
+        self._pairs: dict[int, tuple[int, int]] = {}  # edge -> nodes it ties
+        self._loops: dict[tuple[int, int], int] = {}  # submaps -> edge of their stitch in the graph
+        self._tried: list[LoopCandidate] = []
+        self._open: int | None = None  # scan that the submap being driven began with
+        self._steady, self._steps = True, 0
+        self._loops_changed = False  # by stitches that came or went since the last update
+        self._waiting_stitches: deque[tuple[int, int]] = deque()
+        self._waiting_nodes: dict[int, None] = {}
+
+    def process(
+        self,
+        ranges: Array | Scan,
+        time: float,
+        dead_reckoning: Array | None = None,
+        attitude: Array | None = None,
+    ) -> Pose:
+        """Pose of the next scan, of ``ranges (B,)`` m (NaN = no return) or made into a `Scan` already.
+
+        ``time`` s; ``dead_reckoning (3,)`` robot pose as reckoned, None exactly where the source is "none";
+        ``attitude (2,)`` roll and pitch rad, for every scan or for none. Raises ``ValueError`` naming what
+        cannot be used (another shape, time going backwards, a pose that is not finite): the scan is then
+        ignored, and the next one may be processed.
+        """
+        log = self.measurements
+        if isinstance(ranges, Scan):
+            scan, ranges = ranges, ranges.to_ranges(log.angles, log.laser)
+            log.append(ranges, time, dead_reckoning, attitude)
+        else:
+            log.append(ranges, time, dead_reckoning, attitude)
+            scan = Scan.from_ranges(log.ranges[-1], log.angles, log.laser)
+        return self._step(scan, self.tilt.is_tilted(attitude))
+
+    def estimate(self) -> Estimate:
+        """The whole drive as the final graph has it, all work done; no scan may follow.
+
+        Raises ``ValueError`` before the first scan.
+        """
+        if not self._scans:
+            raise ValueError("expected at least one scan before the estimate")
+        self._end_submap(len(self._scans))
+        while self._waiting_stitches or self._waiting_nodes:
             self._work()
             self.graph.update()
-        self.graph.update(SETTLING)
-        found, rows, poses = self.tracker.track(), np.array(self.rows), self.graph.poses()
-        skeleton = self.skeleton
-        drawn = [s.start for s in skeleton.submaps]
-        after = None if not drawn else skeleton.graph(poses[np.searchsorted(rows, drawn)])
+        self.graph.update(self.config.online.settling_updates)
+        track, rows, poses = self.tracker.track(), self._rows(), self.graph.poses()
+        submap_graph = self.submap_graph
+        starts = submap_graph.starts
+        after = None if not starts else submap_graph.pose_graph(poses[np.searchsorted(rows, starts)])
         return Estimate(
             "slamstitch_online",
-            keyframes.carry(found.poses, rows, poses),
-            covariance=self.graph.marginals()[keyframes.nearest(rows, len(found))],
-            track=found,
-            submaps=tuple(skeleton.submaps),
-            stitches=weighed(tuple(self.tried), skeleton.weights),
-            graph_before=None if after is None else replace(after, poses=found.poses[drawn]),
+            keyframes.carry(track.poses, rows, poses),
+            covariance=self.graph.marginals()[keyframes.nearest(rows, len(track))],
+            track=track,
+            submaps=tuple(submap_graph.submaps),
+            stitches=with_weights(self._tried, submap_graph.weights),
+            graph_before=None if after is None else replace(after, poses=track.poses[starts]),
             graph_after=after,
-            live=live,
         )
 
     # A scan
 
-    def _see(self, k: int) -> None:
-        recording = self.recording
-        self.seen.append(Scan.from_ranges(recording.ranges[k], recording.angles, recording.laser))
-        self.scans.append(without_companion_points(recording, self.seen, k))
+    def _step(self, scan: Scan, tilted: bool) -> Pose:
+        k, self._loops_changed = len(self._scans), False
+        self._unfiltered.append(scan)
+        self._scans.append(filter_scan(self.measurements, self._unfiltered, k, self.config.ego_motion_filter))
+        if k == 0:
+            relinearise = self.config.online.relinearise
+            self.graph = IncrementalGraph(self.reckoning.poses[0], relinearise)
+        self.tracker.step(self._scans[k], tilted)
+        if self._begins_submap(k) or k == 0 or self._is_keyframe(k):
+            self._add_node(k)
+        self._work()
+        self.graph.update(self.config.online.settling_updates if self._loops_changed else 1)
+        return self._pose(k)
 
-    def _far_from_last_node(self, k: int) -> bool:
-        step = se2.between(self.tracker.poses[self.rows[-1]], self.tracker.poses[k])
-        return bool(np.hypot(step[0], step[1]) >= KEYFRAME_DISTANCE or abs(step[2]) >= KEYFRAME_ANGLE)
+    def _pose(self, k: int) -> Pose:
+        """Pose of scan k: the last node's, and the tracker's step from there."""
+        j, row = len(self._nodes) - 1, self._nodes[-1].row
+        since = self.tracker.track(row)
+        step = se2.between(since.poses[0], since.poses[-1])
+        covariance = self.graph.marginal(j)
+        if k > row:
+            added = step_covariance(self.reckoning, since, row, self.config.odometry)
+            covariance = se2.compose_covariance(covariance, step, added)
+        return Pose(se2.compose(self.graph.pose(j), step), covariance, Verdict(int(since.verdict[-1])))
+
+    def _rows(self) -> np.ndarray:
+        """Scan numbers ``(K,)`` of the nodes."""
+        return np.array([node.row for node in self._nodes])
+
+    def _node_of(self, submap: int) -> int:
+        """The node of a submap's anchor."""
+        return int(np.searchsorted(self._rows(), self.submap_graph.starts[submap]))
+
+    def _is_keyframe(self, k: int) -> bool:
+        spacing = self.config.keyframes
+        step = se2.between(self.tracker.poses[self._nodes[-1].row], self.tracker.poses[k])
+        return bool(np.hypot(step[0], step[1]) >= spacing.distance or abs(step[2]) >= spacing.angle)
 
     def _add_node(self, k: int) -> None:
         """Scan k as a node, tied to the last one by dead reckoning and to its neighbours by matches."""
-        j = len(self.rows)
+        j = len(self._nodes)
         if j > 0:
-            ends = np.array([self.rows[-1], k])
-            last = self.graph.pose(j - 1)
-            self.graph.add_node(se2.compose(last, se2.between(*self.tracker.poses[ends])))
-            tie = backbones.reckoned(self.recording, self.tracker.poses, ends)
-            self.graph.add_edge(j - 1, j, tie.T_ij[0], tie.information[0], bool(tie.heavy[0]))
-            if tie.world_steps is not None:
-                steps = tie.world_steps
-                self.graph.add_world_step(j - 1, j, steps.displacement[0], float(steps.variance[0]))
-        self.rows.append(k)
-        self.references.append(Reference(self.scans[k]))
-        self.usable.append(bool(self.tracker.track(k).verdict[0] != Verdict.FELL_BACK))
-        self.piece.append(-1 if self.open is None else len(self.skeleton.submaps))
-        self.matched_to.append(set())
+            self._tie(j - 1, j, np.array([self._nodes[-1].row, k]))
+        usable = bool(self.tracker.track(k).verdict[0] != Verdict.FELL_BACK)
+        submap = -1 if self._open is None else len(self.submap_graph.submaps)
+        self._nodes.append(_Node(k, Reference(self._scans[k]), usable, submap))
         self._match_node(j)
+
+    def _tie(self, i: int, j: int, rows: np.ndarray) -> None:
+        """Node j, new, after node i by dead reckoning; these are the scans ``rows (2,)``."""
+        before, after = self.tracker.poses[rows]
+        self.graph.add_node(se2.compose(self.graph.pose(i), se2.between(before, after)))
+        tie = dead_reckoning_graph(self.reckoning, self.tracker.poses, rows, self.config.odometry)
+        self.graph.add_edge(i, j, tie.T_ij[0], tie.information[0], bool(tie.heavy[0]))
+        if tie.world_steps is not None:
+            steps = tie.world_steps
+            self.graph.add_world_step(i, j, steps.displacement[0], float(steps.variance[0]))
 
     def _match_node(self, j: int) -> None:
         """Match node j to its neighbours, as far as that has not been done."""
-        if not self.usable[j]:
+        node = self._nodes[j]
+        if not node.usable:
             return
         poses = self.graph.poses()
-        chosen = partners(poses, j, self._allowed(j), self.bundle)
-        chosen = np.array([i for i in chosen if i not in self.matched_to[j]], dtype=np.int64)
+        chosen = partners(poses, j, self._matchable(j), self.bundle)
+        chosen = np.array([i for i in chosen if i not in node.matched_to], dtype=np.int64)
         if len(chosen) == 0:
             return
-        references = [self.references[i] for i in chosen]
+        references = [self._nodes[i].reference for i in chosen]
         guesses = se2.between(poses[chosen], poses[j])
-        found = match_pairs(references, self.references[j], guesses, chosen, self.bundle)
-        for i, T_ij, information in zip(found.partners, found.T_ij, found.information, strict=True):
-            self.pairs[self.graph.add_edge(int(i), j, T_ij, information)] = int(i), j
-            self.matched_to[j].add(int(i))
+        matches = match_pairs(references, node.reference, guesses, chosen, self.bundle, self.config.online)
+        for i, T_ij, information in zip(matches.partners, matches.T_ij, matches.information, strict=True):
+            self._pairs[self.graph.add_edge(int(i), j, T_ij, information)] = int(i), j
+            node.matched_to.add(int(i))
 
-    def _allowed(self, j: int) -> np.ndarray:
+    def _matchable(self, j: int) -> np.ndarray:
         """Nodes ``(K,)`` bool whose place beside node j is known well enough to match their scans."""
-        near = self.skeleton.near(self.piece[j], self.open)
-        return np.array(self.usable) & np.isin(self.piece, near)
+        near = self.submap_graph.near(self._nodes[j].submap, self._open)
+        usable = np.array([node.usable for node in self._nodes])
+        return usable & np.isin([node.submap for node in self._nodes], near)
 
     # A submap
 
-    def _begins(self, k: int) -> bool:
+    def _begins_submap(self, k: int) -> bool:
         """End the submap being driven where confidence is lost or it is long enough; does another begin?"""
-        recent = self.tracker.track(max(0, k + 1 - RECENT))
+        recent = self.tracker.track(max(0, k + 1 - self.config.online.loss_window))
         resting = recent.verdict[-1] == Verdict.SKIPPED
-        self.steady = self.steady if resting else not lost_steps(recent, self.config.segmentation)[-1]
-        if not self.steady:
-            self._end(k)
-            self.steps = 0
+        self._steady = self._steady if resting else not lost_steps(recent, self.config.segmentation)[-1]
+        if not self._steady:
+            self._end_submap(k)
+            self._steps = 0
             return False
-        self.steps += not resting
-        if self.open is not None:
-            if se2.path_length(self.tracker.poses[self.open : k + 1])[-1] < self.config.loops.length:
+        self._steps += not resting
+        if self._open is not None:
+            path = se2.path_length(self.tracker.poses[self._open : k + 1])[-1]
+            if path < self.config.loops.length:
                 return False
-            self._end(k, whole=True)
-        self.open = k
+            self._end_submap(k, whole=True)
+        self._open = k
         return True
 
-    def _end(self, stop: int, whole: bool = False) -> None:
+    def _end_submap(self, stop: int, whole: bool = False) -> None:
         """The submap being driven ends before scan ``stop``; one that is too short to be one is forgotten."""
-        start, self.open = self.open, None
+        start, self._open = self._open, None
         if start is None:
             return
-        number = len(self.skeleton.submaps)
-        inside = [n for n, piece in enumerate(self.piece) if piece == number]
-        if not whole and (owner := self._belongs_to(start, stop)) < number:
-            for n in inside:
-                self.piece[n] = owner
+        number = len(self.submap_graph.submaps)
+        inside = [node for node in self._nodes if node.submap == number]
+        if not whole and (owner := self._owner(start, stop)) < number:
+            for node in inside:
+                node.submap = owner
             return
-        drawn = np.array([self.rows[n] for n in inside if self.usable[n]])
-        submap = cut(self.recording, self.scans, self.tracker.poses, start, stop, drawn)
-        self.skeleton.add(submap, self.tracker.track())
-        self._seek(number)
+        drawn = np.array([node.row for node in inside if node.usable])
+        resolution = self.config.submaps.resolution
+        submap = cut(self.measurements, self._scans, self.tracker.poses, start, stop, drawn, resolution)
+        self.submap_graph.add(submap, self.tracker.track())
+        self._queue_candidates(number)
 
-    def _belongs_to(self, start: int, stop: int) -> int:
+    def _owner(self, start: int, stop: int) -> int:
         """The submap that scans ``start..stop-1`` before a loss belong to: the next one, or the last one
         where they are little more of it, or none (-1) where they are too few."""
-        submaps = self.skeleton.submaps
+        submaps = self.submap_graph.submaps
         if submaps and submaps[-1].stop == start:
             path = se2.path_length(self.tracker.poses[start:stop])[-1]
             return len(submaps) - (path < 0.5 * self.config.loops.length)
-        return len(submaps) if self.steps >= self.config.segmentation.least_steps else -1
+        return len(submaps) if self._steps >= self.config.segmentation.least_steps else -1
 
-    def _seek(self, b: int) -> None:
+    def _queue_candidates(self, b: int) -> None:
         """Queue the submaps that may overlap submap b."""
-        self.skeleton.poses = self.graph.poses()[np.searchsorted(self.rows, self.skeleton.starts)]
-        self.waiting_stitches += [(a, b) for a in self.skeleton.candidates(b)]
+        self._place_submaps()
+        self._waiting_stitches += [(a, b) for a in self.submap_graph.candidates(b)]
+
+    def _place_submaps(self) -> None:
+        """Bring the submaps' poses in line with the graph's."""
+        anchors = np.searchsorted(self._rows(), self.submap_graph.starts)
+        self.submap_graph.poses = self.graph.poses()[anchors]
 
     # Work that waits
 
     def _work(self) -> None:
         """One stitch, and one node's matches."""
-        if self.waiting_stitches:
-            self._try(*self.waiting_stitches.popleft())
-        if self.waiting_nodes:
-            j = next(iter(self.waiting_nodes))
-            del self.waiting_nodes[j]
+        if self._waiting_stitches:
+            self._try_stitch(*self._waiting_stitches.popleft())
+        if self._waiting_nodes:
+            j = next(iter(self._waiting_nodes))
+            del self._waiting_nodes[j]
             self._match_node(j)
 
-    def _try(self, a: int, b: int) -> None:
+    def _try_stitch(self, a: int, b: int) -> None:
         """Stitch submaps a and b; a stitch that agrees with the graph counts, another makes it judge anew."""
-        skeleton = self.skeleton
-        nodes = [int(n) for n in np.searchsorted(self.rows, [skeleton.starts[a], skeleton.starts[b]])]
-        skeleton.poses = self.graph.poses()[np.searchsorted(self.rows, skeleton.starts)]
-        prior = skeleton.prior(a, b)
-        found = self.stitch(skeleton.submaps[a], skeleton.submaps[b], prior)
-        result = doubted(found, prior, skeleton.config)
-        skeleton.results[a, b] = result
-        self.tried.append(LoopCandidate(a, b, result, prior=prior))
+        submap_graph = self.submap_graph
+        self._place_submaps()
+        prior = submap_graph.search_prior(a, b)
+        result = self.stitch(submap_graph.submaps[a], submap_graph.submaps[b], prior)
+        result = gate_by_belief(result, prior, self.config.loops.least_belief)
+        submap_graph.results[a, b] = result
+        self._tried.append(LoopCandidate(a, b, result, prior=prior))
         if not isinstance(result, Stitch):
             return
-        assert result.covariance is not None
-        expected = se2.between(self.graph.pose(nodes[0]), self.graph.pose(nodes[1]))
-        off = se2.log(se2.between(expected, result.T_a_b))
-        covariance = self.graph.relative_covariance(*nodes) + result.covariance
-        if off @ np.linalg.solve(covariance, off) <= SURPRISE:
-            skeleton.trust_last()
+        if self._innovation(a, b, result) <= self.config.online.max_innovation:
+            submap_graph.trust_last()
         else:
-            skeleton.judge()
+            submap_graph.judge()
         self._follow_judgement()
+
+    def _innovation(self, a: int, b: int, stitch: Stitch) -> float:
+        """Squared Mahalanobis distance of a stitch from where the graph expects it."""
+        assert stitch.covariance is not None
+        i, j = self._node_of(a), self._node_of(b)
+        off = se2.log(se2.between(se2.between(self.graph.pose(i), self.graph.pose(j)), stitch.T_a_b))
+        covariance = self.graph.relative_covariance(i, j) + stitch.covariance
+        return float(off @ np.linalg.solve(covariance, off))
 
     def _follow_judgement(self) -> None:
         """Bring the graph's stitches in line with what is trusted now."""
-        trusted = self.skeleton.trusted()
-        dropped = [pair for pair in self.loops if pair not in trusted]
-        added = [pair for pair in trusted if pair not in self.loops]
+        trusted = self.submap_graph.trusted()
+        dropped = [pair for pair in self._loops if pair not in trusted]
+        added = [pair for pair in trusted if pair not in self._loops]
         self._withdraw(dropped)
         for a, b in added:
             stitch = trusted[a, b]
-            i, j = (int(np.searchsorted(self.rows, self.skeleton.starts[n])) for n in (a, b))
             information = informations(np.array([[a, b]]), np.asarray(stitch.covariance))[0]
-            self.loops[a, b] = self.graph.add_edge(i, j, stitch.T_a_b, information)
-            self.waiting_nodes |= {n: None for n, piece in enumerate(self.piece) if piece >= b}
-        self.moved |= bool(dropped or added)
+            edge = self.graph.add_edge(self._node_of(a), self._node_of(b), stitch.T_a_b, information)
+            self._loops[a, b] = edge
+            self._waiting_nodes |= {n: None for n, node in enumerate(self._nodes) if node.submap >= b}
+        self._loops_changed |= bool(dropped or added)
 
     def _withdraw(self, dropped: list[tuple[int, int]]) -> None:
         """Take stitches out of the graph, with the matches between distant submaps made while one of them
@@ -284,14 +376,14 @@ class Mapper:
         if not dropped:
             return
         self.graph.update()  # which the matches of this scan have not seen yet
-        since = min(self.loops[pair] for pair in dropped)
+        since = min(self._loops[pair] for pair in dropped)
         distant = {
-            edge: nodes
-            for edge, nodes in self.pairs.items()
-            if edge > since and abs(self.piece[nodes[0]] - self.piece[nodes[1]]) > 1
+            edge: (i, j)
+            for edge, (i, j) in self._pairs.items()
+            if edge > since and abs(self._nodes[i].submap - self._nodes[j].submap) > 1
         }
-        self.graph.remove([*(self.loops.pop(pair) for pair in dropped), *distant])
+        self.graph.remove([*(self._loops.pop(pair) for pair in dropped), *distant])
         for edge, (i, j) in distant.items():
-            del self.pairs[edge]
-            self.matched_to[j].discard(i)
-            self.waiting_nodes[j] = None
+            del self._pairs[edge]
+            self._nodes[j].matched_to.discard(i)
+            self._waiting_nodes[j] = None

@@ -8,20 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam import se2
-from slam.graph.odometry_factors import SHARED_ERROR
 from slam.matching import Reference
 from slam.se2 import Array
-from stitch.mapping.bundle import DOUBT, BundleConfig, neighbours_of
-
-RADII = (0.3, 0.2, 0.15, 0.15)
-"""Correspondence distances [m] of the rounds."""
-
-MOST_SHIFT, MOST_TURN = 0.3, np.radians(6.0)
-"""A match that leaves its guess by more (m, rad) has found something else."""
+from stitch.mapping.bundle import BundleConfig, choose_neighbours, discount_tilted
+from stitch.mapping.config import OnlineConfig
 
 
 @dataclass(frozen=True)
-class Pairs:
+class KeyframeMatches:
     """Matches of one scan to those of ``partners (P,)``: ``T_ij (P, 3)`` seen from each, ``information (P, 3,
     3)`` in the body of the scan."""
 
@@ -34,7 +28,7 @@ def partners(poses: Array, j: int, allowed: np.ndarray, config: BundleConfig) ->
     """Earlier ones of ``poses (K, 3)`` to match scan j to: near it and from as many passes as there are,
     among those that ``allowed (K,)`` bool marks."""
     apart = np.linalg.norm(poses[:j, :2] - poses[j, :2], axis=1)
-    return neighbours_of(poses, j, np.flatnonzero((apart <= config.reach) & allowed[:j]), config)
+    return choose_neighbours(poses, j, np.flatnonzero((apart <= config.reach) & allowed[:j]), config)
 
 
 def match_pairs(
@@ -43,7 +37,8 @@ def match_pairs(
     guesses: Array,
     numbers: np.ndarray,
     config: BundleConfig,
-) -> Pairs:
+    online: OnlineConfig = OnlineConfig(),
+) -> KeyframeMatches:
     """The scan matched to each of P references from ``guesses (P, 3)`` of it seen from them.
 
     ``numbers (P,)`` are what the references are called in the answer, which leaves out those that see too
@@ -51,7 +46,7 @@ def match_pairs(
     """
     from slam.matching.kernels import linearise_pairs
 
-    clouds, lattices = zip(*(one.indexed for one in (*references, scan)), strict=True)
+    clouds, lattices = zip(*(r.indexed for r in (*references, scan)), strict=True)
     cell, heads, following = zip(*lattices, strict=True)
     cloud = tuple(np.concatenate(parts) for parts in zip(*clouds, strict=True))
     offsets = np.concatenate([[0], np.cumsum([len(c[0]) for c in clouds])]).astype(np.int64)
@@ -59,13 +54,13 @@ def match_pairs(
     count = len(references)
     pairs = np.stack([np.arange(count), np.full(count, count)], axis=1)
     T_ij = guesses
-    for radius in RADII:
+    for radius in online.radii:
         T_ij, information, used, misfit = linearise_pairs(
             cloud, offsets, lattice, pairs, T_ij, radius, config.robust, config.fade, config.length
         )
     left = np.abs(se2.between(guesses, T_ij))
-    known = (used >= config.least_pairs) & (np.hypot(left[:, 0], left[:, 1]) <= MOST_SHIFT)
-    known &= left[:, 2] <= MOST_TURN
-    doubt = np.maximum(1.0, misfit[known] / config.level_misfit) ** DOUBT
-    in_body = se2.to_body_covariance(T_ij[known], information[known]) / (SHARED_ERROR * doubt[:, None, None])
-    return Pairs(numbers[known], T_ij[known], in_body)
+    known = (used >= config.least_pairs) & (np.hypot(left[:, 0], left[:, 1]) <= online.max_shift)
+    known &= left[:, 2] <= online.max_turn
+    divisor = config.match_inflation * discount_tilted(misfit[known], config)
+    in_body = se2.to_body_covariance(T_ij[known], information[known]) / divisor[:, None, None]
+    return KeyframeMatches(numbers[known], T_ij[known], in_body)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scenarios.rehearsal import BLIND, SCANS, rehearsal
 
 from scenarios.methods import METHODS
 from scenarios.methods.config import MethodConfig
-from scenarios.rehearsal import BLIND, SCANS, rehearsal
 from sim.laser import Raycaster
 from slam import se2
 from slam.recording import Laser, Recording

@@ -6,18 +6,18 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from stitch.mapping.adjusted import adjusted
 
 from scenarios.ablate.segmentation.drive import Driven
 from scenarios.evaluation.segmentation import true_errors
 from scenarios.methods.config import MethodConfig
 from slam import se2
 from slam.odometry import dead_reckoning
-from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, between, lost_steps
+from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, lost_steps
 from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
 from slam.se2 import Array
 from stitch.align import align
-from stitch.mapping.adjusted import adjusted
 from stitch.mapping.bundle import BundleConfig
 from stitch.mapping.loop_closure import LoopConfig
 from stitch.mapping.offline import stitched

@@ -69,12 +69,12 @@ def driven(scenario: str, seed: int) -> Driven:
     """Simulate a drive and let ManifoldSLAM track it, once for everything that follows."""
     from scenarios.evaluation.maps import true_map
     from scenarios.source import simulated
-    from slam.odometry.ego_motion_filter import without_companions
+    from slam.odometry.ego_motion_filter import remove_co_moving_points
     from slam.odometry.tracker import MANIFOLD_SLAM, track
     from slam.scan import scans_of
 
     recording = simulated(scenario, seed).recording
-    scans = without_companions(recording, scans_of(recording))
+    scans = remove_co_moving_points(recording, scans_of(recording))
     drawn = true_map(recording)
     assert drawn is not None
     return Driven(recording, scans, track(recording, MANIFOLD_SLAM, scans), drawn)

@@ -12,7 +12,7 @@ from scenarios.bench.measured import Asked, Measured
 from scenarios.catalogue import CATALOGUE
 from scenarios.methods import METHODS
 from scenarios.methods.config import MethodConfig
-from scenarios.rehearsal import rehearsal
+from scenarios.methods.warm_up import warm_up_recording
 from scenarios.stages import Stages
 from slam.recording import Recording
 
@@ -26,7 +26,7 @@ def run(stages: Stages, asked: Asked) -> Measured:
 
     with stages.stage("simulate"):
         once = simulate(CATALOGUE[SCENARIO], asked.seed).recording
-    METHODS["slamstitch"](rehearsal(once), MethodConfig())  # compiles
+    METHODS["slamstitch"](warm_up_recording(once), MethodConfig())  # compiles
     far = there_and_back(once, TIMES, np.random.default_rng(asked.seed))
     short, long = (_cost(stages, f"{n} x {SCENARIO}", drive) for n, drive in ((1, once), (TIMES, far)))
     ratio = long[0].per(short[0], f"{TIMES} x as far takes")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from slam.odometry.evidence import Evidence
 
 from slam import se2
 from slam.matching import Match
 from slam.odometry import combination, confidence
 from slam.odometry.confidence import FAILURE, MEASURES
-from slam.odometry.evidence import Evidence
 from slam.se2 import Array
 
 quick = settings(deadline=None, max_examples=50, derandomize=True)

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stitch.mapping.adjusted import adjusted
 
 from scenarios.bench.matching.cost import LAP, round_and_round
 from slam import se2
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.se2 import Array
-from stitch.mapping.adjusted import adjusted
 from stitch.mapping.bundle import BundleConfig
 
 ROUNDS = 4

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stitch.mapping.backbone import across_lost, with_heavy_tails
 
 from scenarios.run_folder.stitches import story
 from slam import se2
@@ -18,7 +19,6 @@ from slam.recording import Laser, Recording
 from slam.scan import Scan
 from slam.se2 import Array
 from stitch.align import NoStitch, Prior, Stitch
-from stitch.mapping.backbone import across_lost, with_heavy_tails
 from stitch.mapping.estimate import Estimate
 from stitch.mapping.loop_closure import LoopConfig, Search, close
 

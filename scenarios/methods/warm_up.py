@@ -15,7 +15,7 @@ BLIND = 10
 stitch."""
 
 
-def rehearsal(recording: Recording) -> Recording:
+def warm_up_recording(recording: Recording) -> Recording:
     """The beginning of a recording, a blind gap, and the same beginning again."""
     begin = np.arange(min(SCANS, len(recording)))
     blind = begin[-BLIND:]

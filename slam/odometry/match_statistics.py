@@ -1,4 +1,4 @@
-"""What the matcher leaves behind of every scan, for measures of confidence to be made of."""
+"""Statistics of every scan's match, which measures of confidence are made of."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from slam.se2 import Array
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """Of N scans; NaN where no match answered.
+class MatchStatistics:
+    """Statistics of N matches; NaN where no match answered.
 
     ``tried (N,)`` and ``failed (N,)`` bool: a match was attempted, and gave no answer. ``covariance (N, 3,
     3)`` of the step in the body frame of the scan; ``weakest (N,)`` smallest eigenvalue of its scaled
@@ -41,7 +41,7 @@ class Evidence:
     attitude: Array
 
     @classmethod
-    def empty(cls, n: int) -> Evidence:
+    def empty(cls, n: int) -> MatchStatistics:
         """Nothing tried yet of n scans."""
         shapes: dict[str, tuple[int, ...]] = {
             "covariance": (n, 3, 3),
@@ -54,9 +54,16 @@ class Evidence:
         numbers = {f.name: np.full(shapes.get(f.name, (n,)), np.nan) for f in fields(cls)[2:]}
         return cls(np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), **numbers)
 
-    def __getitem__(self, part: slice) -> Evidence:
-        """The evidence of some of the scans."""
-        return Evidence(*(getattr(self, f.name)[part] for f in fields(self)))
+    def extended(self, n: int) -> MatchStatistics:
+        """The same with room for n scans."""
+        room = MatchStatistics.empty(n - len(self.tried))
+        return MatchStatistics(
+            *(np.concatenate([getattr(e, f.name) for e in (self, room)]) for f in fields(self))
+        )
+
+    def __getitem__(self, part: slice) -> MatchStatistics:
+        """The statistics of some of the scans."""
+        return MatchStatistics(*(getattr(self, f.name)[part] for f in fields(self)))
 
     def note_failure(self, k: int) -> None:
         """A match of scan k was tried, without an answer."""
