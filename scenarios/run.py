@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from stitch.mapping.estimate import Estimate, NoEstimate
 
 COMMAND = "scenarios.run"
+Words = list[str]
 
 
 @dataclass(frozen=True)
@@ -313,12 +315,15 @@ def print_catalogue() -> None:
         print(f"{scenario.name:<13} {size:>11} {drive:>6}  {scenario.summary}")
 
 
-def settings() -> MethodConfig:
-    """The tree of settings that the shell may set."""
+def take(words: Words) -> tuple[Mapping[str, Sequence[str]], Words]:
+    """The settings among the words of the command line; the tree of them is imported only where there are."""
+    if not any(re.match(r"--[\w-]+\.", word) for word in words):
+        return {}, words
     from scenarios.methods.config import MethodConfig
+    from slam.settings import take_settings
 
-    return MethodConfig()
+    return take_settings(words, MethodConfig())
 
 
 if __name__ == "__main__":
-    sys.exit(main(Options, COMMAND, run, settings))
+    sys.exit(main(Options, COMMAND, run, take))

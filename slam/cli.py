@@ -7,9 +7,8 @@ import difflib
 import io
 import math
 import os
-import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TypeVar, get_type_hints
 
@@ -17,6 +16,8 @@ import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 Options = TypeVar("Options")
+Take = Callable[[list[str]], tuple[Mapping[str, Sequence[str]], list[str]]]
+"""Words of a command line → settings by key, and the words that are none."""
 
 
 class InputError(ValueError):
@@ -31,12 +32,12 @@ def main(
     options: type[Options],
     command: str,
     run: Callable[[Options], None],
-    settings: Callable[[], object] | None = None,
+    take: Take | None = None,
 ) -> int:
     """Parse the command line into ``options``, run, and return the exit code.
 
-    ``settings`` makes the tree of data classes whose fields may be set too (``--slam.loops.length 4``): the
-    options' field of that name then has the words given, by dotted key.
+    ``take`` takes words out of the command line before (settings of a tree, as ``--slam.loops.length 4``);
+    they become the options' field ``settings``.
 
     0 done, 2 bad input, 3 refused, 130 interrupted, 141 when nobody reads the output any more. Any other
     exception is a bug and shows its traceback (exit code 1).
@@ -44,7 +45,7 @@ def main(
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # an arrow that a terminal cannot show must not end a run
     try:
-        run(parse(options, command, settings))
+        run(parse(options, command, take))
         sys.stdout.flush()
     except (InputError, RefusedError) as error:
         print(f"{command}: {' '.join(str(error).split())}", file=sys.stderr)
@@ -58,13 +59,9 @@ def main(
     return 0
 
 
-def parse(options: type[Options], command: str, settings: Callable[[], object] | None = None) -> Options:
+def parse(options: type[Options], command: str, take: Take | None = None) -> Options:
     """The command line as ``options``. Raises `InputError` where tyro would draw a box over several lines."""
-    words, given = sys.argv[1:], dict[str, list[str]]()
-    if settings is not None and any(re.match(r"--[\w-]+\.", word) for word in words):
-        from slam.settings import take_settings
-
-        given, words = take_settings(words, settings())
+    given, words = ({}, sys.argv[1:]) if take is None else take(sys.argv[1:])
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):

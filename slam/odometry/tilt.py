@@ -38,7 +38,7 @@ class TiltDetector:
         if attitude is None or not np.isfinite(self.limit):
             return False
         if not self._recent:
-            self._recent.extend([np.asarray(attitude, dtype=np.float64)] * self.window)
+            self._recent.extend([np.array(attitude, dtype=np.float64)] * self.window)
         unwrapped = np.unwrap([self._recent[-1], attitude], axis=0)[1]
         self._recent.append(unwrapped)
         median = np.sort(self._recent, axis=0)[self.window // 2]

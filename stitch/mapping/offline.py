@@ -37,18 +37,21 @@ Revise = Callable[[LoopClosureResult, Array], LoopClosureResult]
 """What an ablation makes of the closed loops, given the poses ``(L, 3)`` of the nodes before."""
 
 
-def map_recording(recording: Recording, config: MappingConfig = MappingConfig()) -> Estimate | NoEstimate:
+def map_recording(
+    recording: Recording, config: MappingConfig = MappingConfig(), revise: Revise | None = None
+) -> Estimate | NoEstimate:
     """The map of a recording: poses ``(N, 3)`` of all scans with covariances, submaps and stitches.
 
     The laser's mount is estimated where nobody states it. Without dead reckoning a map that knows it is lost
-    is refused: `NoEstimate` says why.
+    is refused: `NoEstimate` says why. ``revise`` is for ablations: what it makes of the closed loops counts.
     """
     mount = find_mount(recording, config)
     if mount is not None:
         recording = recording.with_laser_mount(mount.T_robot_laser)
     scans = remove_co_moving_points(recording, scans_of(recording), config.ego_motion_filter)
     tracked = track(recording, config.frontend, scans)
-    estimate = build_map(recording, scans, tracked, config, partial(align, config=config.loops.align))
+    stitch = partial(align, config=config.loops.align)
+    estimate = build_map(recording, scans, tracked, config, stitch, revise)
     reason = rejection_reason(estimate, config.rejection) if recording.source == "none" else None
     return NoEstimate("slamstitch", reason) if reason else replace(estimate, laser_mount=mount)
 

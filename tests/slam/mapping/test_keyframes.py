@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from slam import se2
 from slam.mapping import keyframes
+from slam.mapping.keyframes import KeyframeConfig
 from slam.se2 import Array
 
 quick = settings(deadline=None, max_examples=40, derandomize=True)
@@ -38,9 +39,11 @@ def assert_same(a: Array, b: Array, atol: float = 1e-9) -> None:
 
 
 def test_known_choices() -> None:
-    np.testing.assert_array_equal(keyframes.choose(straight(11), 0.25, 1.0), [0, 3, 6, 9, 10])
+    np.testing.assert_array_equal(keyframes.choose(straight(11), KeyframeConfig(0.25, 1.0)), [0, 3, 6, 9, 10])
     turning = np.column_stack([np.zeros(7), np.zeros(7), np.radians(4.0) * np.arange(7)])
-    np.testing.assert_array_equal(keyframes.choose(turning, 1.0, np.radians(7.0)), [0, 2, 4, 6])
+    np.testing.assert_array_equal(
+        keyframes.choose(turning, KeyframeConfig(1.0, np.radians(7.0))), [0, 2, 4, 6]
+    )
     np.testing.assert_array_equal(keyframes.choose(np.zeros((4, 3))), [0, 3])
     np.testing.assert_array_equal(keyframes.choose(np.zeros((1, 3))), [0])
 
@@ -48,7 +51,7 @@ def test_known_choices() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_chosen_ones_are_apart_and_the_rest_is_near(seed: int) -> None:
     poses = drive(seed)
-    rows = keyframes.choose(poses, 0.15, 0.2)
+    rows = keyframes.choose(poses, KeyframeConfig(0.15, 0.2))
     assert rows[0] == 0
     assert rows[-1] == len(poses) - 1
     assert np.all(np.diff(rows) > 0)

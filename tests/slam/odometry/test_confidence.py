@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from slam.odometry.evidence import Evidence
 
 from slam import se2
 from slam.matching import Match
 from slam.odometry import combination, confidence
 from slam.odometry.confidence import FAILURE, MEASURES
+from slam.odometry.match_statistics import MatchStatistics
 from slam.se2 import Array
 
 quick = settings(deadline=None, max_examples=50, derandomize=True)
@@ -41,13 +41,13 @@ def found(
 BAD = found(P, 8, 5.0, 0.4, 6.0, 60, 3.0)
 
 
-def evidence(
+def statistics(
     results: Sequence[Match | None],
     surprise: Sequence[Array] | None = None,
     tilts: Sequence[float] | None = None,
-) -> Evidence:
+) -> MatchStatistics:
     """Of steps after a first scan that nothing was tried of; None is a match that failed."""
-    noted = Evidence.empty(len(results) + 1)
+    noted = MatchStatistics.empty(len(results) + 1)
     for k, result in enumerate(results, start=1):
         if result is None:
             noted.note_failure(k)
@@ -59,7 +59,7 @@ def evidence(
 
 
 def value(name: str, result: Match, **about: Sequence[float]) -> float:
-    return float(MEASURES[name](evidence([result], **about))[1])  # type: ignore[arg-type]
+    return float(MEASURES[name](statistics([result], **about))[1])  # type: ignore[arg-type]
 
 
 def test_the_reports_measures_by_hand() -> None:
@@ -98,13 +98,13 @@ def test_measures_of_the_residuals_and_the_search() -> None:
 def test_tilt_is_the_angle_to_the_vertical() -> None:
     assert value("tilt", found(), tilts=[0.3]) == pytest.approx(0.3)
     roll, pitch = 0.3, -0.4
-    noted = Evidence.empty(1)
+    noted = MatchStatistics.empty(1)
     noted.note(0, found(), 200, (roll, pitch), np.zeros(3), np.zeros(3), GOOD)
     up = np.array([np.cos(roll) * np.sin(pitch), -np.sin(roll), np.cos(roll) * np.cos(pitch)])
     assert confidence.tilt(noted)[0] == pytest.approx(np.arccos(up[2]))
-    level = Evidence.empty(1)
+    level = MatchStatistics.empty(1)
     level.note(0, found(), 200, None, np.zeros(3), np.zeros(3), GOOD)
-    assert np.isnan(confidence.columns(level)["tilt"][0])  # nothing to measure it by is not level
+    assert np.isnan(confidence.compute_measures(level)["tilt"][0])  # nothing to measure it by is not level
 
 
 @given(st.lists(st.floats(-0.3, 0.3), min_size=3, max_size=3), st.integers(0, 1000))
@@ -119,7 +119,7 @@ def test_innovation_against_the_formula(step: list[float], seed: int) -> None:
 
 def test_an_innovation_is_seen_from_where_the_robot_was_expected() -> None:
     expected, step = np.array([3.0, -2.0, 1.2]), np.array([0.2, -0.1, 0.05])
-    noted = Evidence.empty(1)
+    noted = MatchStatistics.empty(1)
     noted.note(0, found(), 200, None, se2.compose(expected, step), expected, GOOD)
     r = se2.log(step)
     turned = se2.to_body_covariance(expected, GOOD)
@@ -135,23 +135,23 @@ def test_what_is_negative_in_a_covariance_does_not_sharpen_an_innovation() -> No
 
 def test_a_failure_between_matches_is_forgiven_by_the_second_rule_only() -> None:
     good = found()
-    column = confidence.columns(evidence([good, None, good, None, None, good, None]))
+    column = confidence.compute_measures(statistics([good, None, good, None, None, good, None]))
     np.testing.assert_array_equal(column["zero_run2"][1:], [0, 1, 0, np.inf, np.inf, 0, 1])
     np.testing.assert_array_equal(column["zero_match"][1:], [0, np.inf, 0, np.inf, np.inf, 0, np.inf])
 
 
 def test_scans_that_were_skipped_do_not_end_a_run() -> None:
-    noted = Evidence.empty(5)
+    noted = MatchStatistics.empty(5)
     noted.note_failure(1)
     noted.note_failure(3)
     np.testing.assert_array_equal(
-        confidence.columns(noted)["zero_run2"], [np.nan, np.inf, np.nan, np.inf, np.nan]
+        confidence.compute_measures(noted)["zero_run2"], [np.nan, np.inf, np.nan, np.inf, np.nan]
     )
 
 
 @pytest.mark.parametrize("name", sorted(set(MEASURES) - {"zero_match", "zero_run2"}))
 def test_larger_is_worse(name: str) -> None:
-    steps = evidence([found(), BAD], [np.zeros(3), np.array([0.5, 0.2, 0.3])], [0.0, 0.4])
+    steps = statistics([found(), BAD], [np.zeros(3), np.array([0.5, 0.2, 0.3])], [0.0, 0.4])
     good, bad = MEASURES[name](steps)[1:]
     assert bad > good
 
@@ -159,7 +159,7 @@ def test_larger_is_worse(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(MEASURES))
 def test_a_failed_match_is_worst_and_no_match_is_nothing(name: str) -> None:
     absurd = found(1e30 * P, 4)
-    column = confidence.columns(evidence([found(), None, None, absurd]))[name]
+    column = confidence.compute_measures(statistics([found(), None, None, absurd]))[name]
     assert column.shape == (5,)
     assert np.isnan(column[0])
     assert np.all(np.isfinite(column[[1, 4]]))
@@ -171,19 +171,19 @@ def test_a_measure_says_what_it_is_and_is_blind_to_other_steps(name: str) -> Non
     assert MEASURES[name].__doc__
     if name == "zero_run2":  # it looks at its neighbours
         return
-    steps = evidence([found(), None, BAD, found(2.0 * GOOD, 90)])
-    whole = confidence.columns(steps)[name]
+    steps = statistics([found(), None, BAD, found(2.0 * GOOD, 90)])
+    whole = confidence.compute_measures(steps)[name]
     for k in range(5):
-        np.testing.assert_array_equal(confidence.columns(steps[k : k + 1])[name], whole[k : k + 1])
+        np.testing.assert_array_equal(confidence.compute_measures(steps[k : k + 1])[name], whole[k : k + 1])
 
 
 def test_the_table_has_a_column_per_measure() -> None:
     assert {"trace2", "det2", "neg_matches", "combined"} <= set(MEASURES)
-    assert list(confidence.columns(evidence([found()]))) == list(MEASURES)
+    assert list(confidence.compute_measures(statistics([found()]))) == list(MEASURES)
 
 
 def test_the_combination_by_hand() -> None:
-    steps = evidence([BAD], [np.array([0.5, 0.2, 0.3])])
+    steps = statistics([BAD], [np.array([0.5, 0.2, 0.3])])
     expected = combination.BIAS
     for name, weight in combination.WEIGHTS.items():
         number = float(MEASURES[name](steps)[1])

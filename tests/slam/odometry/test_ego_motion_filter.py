@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slam.odometry.ego_motion_filter import without_companions
+from slam.odometry.ego_motion_filter import remove_co_moving_points
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.se2 import Array
@@ -29,7 +29,7 @@ def led(room: Array, record: Record) -> Recording:
 
 def test_a_leader_is_taken_out_and_the_walls_stay(led: Recording) -> None:
     scans = scans_of(led)
-    kept = without_companions(led, scans)
+    kept = remove_co_moving_points(led, scans)
     leader = np.arange(181)[LEADER]
     for before, after in zip(scans[3:], kept[3:], strict=True):
         assert len(np.intersect1d(after.beams, leader)) <= 2
@@ -43,25 +43,25 @@ def test_without_a_leader_all_stays(room: Array, record: Record) -> None:
     truth = np.column_stack([1.0 + 0.1 * np.arange(25), np.full(25, 3.2), 0.02 * np.arange(25)])
     recording = record(room, truth, source="ins")
     scans = scans_of(recording)
-    kept = without_companions(recording, scans)
+    kept = remove_co_moving_points(recording, scans)
     assert sum(map(len, kept)) > 0.98 * sum(map(len, scans))
 
 
 def test_a_robot_at_rest_sees_no_companions(room: Array, record: Record) -> None:
     recording = record(room, np.tile([2.0, 3.0, 0.4], (10, 1)), source="ins")
     scans = scans_of(recording)
-    assert [len(s) for s in without_companions(recording, scans)] == [len(s) for s in scans]
+    assert [len(s) for s in remove_co_moving_points(recording, scans)] == [len(s) for s in scans]
 
 
 def test_wheels_may_slip_so_their_scans_stay(led: Recording) -> None:
     wheeled = replace(led, source="odometry")
     scans = scans_of(wheeled)
-    assert [len(s) for s in without_companions(wheeled, scans)] == [len(s) for s in scans]
+    assert [len(s) for s in remove_co_moving_points(wheeled, scans)] == [len(s) for s in scans]
 
 
 def test_blind_scans(led: Recording) -> None:
     ranges = led.ranges.copy()
     ranges[4:8] = np.nan
     blind = replace(led, ranges=ranges)
-    kept = without_companions(blind, scans_of(blind))
+    kept = remove_co_moving_points(blind, scans_of(blind))
     assert [len(s) for s in kept[4:8]] == [0, 0, 0, 0]

@@ -63,7 +63,7 @@ def tracked(poses: Array) -> Track:
 def test_a_known_mount_is_found_within_what_it_says(scale: float, lost: float) -> None:
     errors = []
     for seed in range(10):
-        found = laser_mount.estimate(*driven(T_ROBOT_LASER, scale=scale, lost=lost, seed=seed))
+        found = laser_mount.estimate_mount(*driven(T_ROBOT_LASER, scale=scale, lost=lost, seed=seed))
         assert found is not None
         errors.append((found.T_robot_laser - T_ROBOT_LASER) / found.sigma)
         assert np.abs(found.T_robot_laser - T_ROBOT_LASER)[:2].max() < 0.02
@@ -71,26 +71,27 @@ def test_a_known_mount_is_found_within_what_it_says(scale: float, lost: float) -
 
 
 def test_a_laser_at_the_origin_is_left_there() -> None:
-    found = [laser_mount.estimate(*driven(np.zeros(3), seed=seed)) for seed in range(10)]
+    found = [laser_mount.estimate_mount(*driven(np.zeros(3), seed=seed)) for seed in range(10)]
     assert found == [None] * 10
 
 
 def test_a_drive_that_does_not_turn_does_not_tell() -> None:
-    assert laser_mount.estimate(*driven(T_ROBOT_LASER, turning=0.0005)) is None
+    assert laser_mount.estimate_mount(*driven(T_ROBOT_LASER, turning=0.0005)) is None
 
 
 def test_a_few_steps_do_not_tell() -> None:
     recording, track = driven(T_ROBOT_LASER)
-    track.verdict[laser_mount.LEAST_STEPS :] = Verdict.FELL_BACK
-    assert laser_mount.estimate(recording, track) is None
+    track.verdict[laser_mount.LaserMountConfig().min_steps :] = Verdict.FELL_BACK
+    assert laser_mount.estimate_mount(recording, track) is None
 
 
 def test_what_is_stated_is_not_asked() -> None:
     poses = np.zeros((5, 3))
-    assert laser_mount.is_unstated(recorded(poses))
-    assert not laser_mount.is_unstated(recorded(poses, truth=poses))
-    assert not laser_mount.is_unstated(recorded(poses).without_dead_reckoning())
-    assert not laser_mount.is_unstated(recorded(poses).with_laser_mount(T_ROBOT_LASER))
+    assert laser_mount.is_mount_unstated(recorded(poses))
+    assert not laser_mount.is_mount_unstated(recorded(poses, truth=poses))
+    assert not laser_mount.is_mount_unstated(recorded(poses).without_dead_reckoning())
+    assert not laser_mount.is_mount_unstated(recorded(poses).with_laser_mount(T_ROBOT_LASER))
+    assert not laser_mount.is_mount_unstated(recorded(poses).with_laser_mount(np.zeros(3)))
 
 
 def test_it_says_what_it_found() -> None:
@@ -102,6 +103,6 @@ def test_it_says_what_it_found() -> None:
 
 def test_intels_laser_is_ahead_of_its_wheels(shared_data: Path) -> None:
     recording = load(shared_data / "carmen/intel.raw.log.gz")
-    found = laser_mount.estimate(recording, tracker.track(recording))
+    found = laser_mount.estimate_mount(recording, tracker.track(recording))
     assert found is not None
     np.testing.assert_allclose(found.T_robot_laser, [0.09, 0.0, np.radians(-1.1)], atol=0.01)

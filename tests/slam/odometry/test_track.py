@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam.odometry import dead_reckoning
+from slam.odometry.dead_reckoning import DeadReckoning
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import MANIFOLD_SLAM, FrontendConfig, track
 from slam.recording import Recording
@@ -22,7 +22,7 @@ Check = Callable[[Track], None]
 
 CONFIGS = {"default": FrontendConfig(), "manifold": MANIFOLD_SLAM}
 SOURCES = ("ins", "odometry")
-ANY_STEP = FrontendConfig(most_innovation=np.inf)
+ANY_STEP = FrontendConfig(max_innovation=np.inf)
 
 
 def wheels(truth: Array, seed: int = 1, scale: float = 1.05) -> Array:
@@ -166,9 +166,9 @@ def test_blind_scans_fall_back_to_dead_reckoning(
     assert np.all(found.matches[12:15] == 0)
     for k in (12, 13, 14):
         j = int(found.reference[k])
-        expected = dead_reckoning.body_covariance(recording, j, k, found.poses[k])
+        expected = DeadReckoning(recording).body_covariance(j, k, found.poses[k])
         np.testing.assert_allclose(found.covariance[k], expected)
-        predicted = dead_reckoning.predict(recording, 11, k, found.poses[11])
+        predicted = DeadReckoning(recording).predict(11, k, found.poses[11])
         np.testing.assert_allclose(found.poses[k], predicted, atol=0.02)
         for column in found.confidence.values():
             assert column[k] == np.inf
@@ -219,7 +219,7 @@ def test_creeping_adds_up_until_it_counts(room: Array, record: Record, straight:
 
 def test_a_match_of_too_much_variance_is_not_believed(room: Array, record: Record, straight: Drive) -> None:
     recording = record(room, straight())
-    strict = track(recording, replace(MANIFOLD_SLAM, most_variance=1e-3))
+    strict = track(recording, replace(MANIFOLD_SLAM, max_variance=1e-3))
     assert np.all(strict.verdict[1:] == Verdict.FELL_BACK)
     # It was an answer all the same: the confidence columns keep it.
     assert np.all(np.isfinite(strict.confidence["trace2"][1:]))
@@ -289,8 +289,8 @@ def test_tilted_scans_are_not_matched(
         {"map_scans": 2},
         {"trust_dead_reckoning": False},
         {"tilt_limit": 0.01},
-        {"most_variance": 1e-3},
-        {"most_innovation": 0.01},
+        {"max_variance": 1e-3},
+        {"max_innovation": 0.01},
     ],
     ids=lambda change: next(iter(change)),
 )
@@ -324,7 +324,7 @@ def test_an_answer_ten_deviations_from_the_seed_is_not_believed(corridor: Array,
     ranges = recording.ranges.copy()
     ranges[:, 75:106] = 0.8 / np.cos(recording.angles[75:106])
     held = replace(recording, ranges=ranges)
-    strict, lenient = (track(held, FrontendConfig(most_innovation=most)) for most in (100.0, np.inf))
+    strict, lenient = (track(held, FrontendConfig(max_innovation=most)) for most in (100.0, np.inf))
     assert np.mean(strict.verdict[1:] == Verdict.FELL_BACK) > 0.3
     assert strict.poses[-1, 0] > 0.8 * truth[-1, 0]
     assert lenient.poses[-1, 0] < 0.7 * truth[-1, 0]

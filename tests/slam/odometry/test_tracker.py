@@ -28,7 +28,7 @@ def test_a_step_sees_nothing_of_what_comes_later(
     reckoned = np.column_stack([truth[:, :2], 1.15 * truth[:, 2]])
     recording = record(room, truth, reckoned, source="ins")
     whole = track(recording, CONFIGS[name])
-    tracker = Tracker(recording, CONFIGS[name], np.zeros(len(truth), dtype=bool))
+    tracker = Tracker(recording, CONFIGS[name], room=4)
     for k, scan in enumerate(scans_of(recording)[:12]):
         tracker.step(scan)
         np.testing.assert_array_equal(tracker.poses, whole.poses[: k + 1])

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam.graph import odometry_factors
+from slam.graph.odometry_factors import dead_reckoning_graph
 from slam.graph.pose_graph import PoseGraph
 from slam.matching import Match, MatchConfig, match
+from slam.odometry.dead_reckoning import DeadReckoning
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.se2 import Array
-from stitch.mapping.bundle import ONE_PASS, BundleConfig, adjust, mapping, neighbours
+from stitch.mapping.bundle import BundleConfig, adjust, choose_pairs, select_map_keyframes
 
 Record = Callable[..., Recording]
 Rms = Callable[[Array, Array], float]
@@ -44,7 +45,7 @@ def astray(truth: Array, seed: int = 1) -> Array:
 
 
 def backbone(recording: Recording) -> PoseGraph:
-    return odometry_factors.reckoning(recording, recording.dead_reckoning, np.arange(len(recording)))
+    return dead_reckoning_graph(DeadReckoning(recording), recording.dead_reckoning, np.arange(len(recording)))
 
 
 def all_of(recording: Recording) -> np.ndarray:
@@ -59,7 +60,7 @@ def test_neighbours_are_near_earlier_and_usable() -> None:
     poses = np.cumsum(rng.normal(0.0, 0.5, (80, 3)), axis=0)
     usable = rng.random(80) < 0.8
     config = BundleConfig(neighbours=7, per_pass=3, reach=1.5)
-    pairs = neighbours(poses, usable, config)
+    pairs = choose_pairs(poses, usable, config)
     assert len(pairs) > 50
     assert len(np.unique(pairs, axis=0)) == len(pairs)
     i, j = pairs.T
@@ -74,7 +75,7 @@ def test_neighbours_come_from_every_pass() -> None:
     x = np.concatenate([np.linspace(0, 2, 21), [50.0], np.linspace(0, 2, 21), [50.0], np.linspace(0, 2, 21)])
     poses = np.column_stack([x, np.zeros(len(x)), np.zeros(len(x))])
     config = BundleConfig(neighbours=9, per_pass=3, reach=0.5)
-    pairs = neighbours(poses, np.ones(len(x), dtype=bool), config)
+    pairs = choose_pairs(poses, np.ones(len(x), dtype=bool), config)
     last = pairs[pairs[:, 1] == len(x) - 1, 0]
     passes = [np.sum((last >= start) & (last < start + 21)) for start in (0, 22, 44)]
     assert passes == [3, 3, 3]
@@ -88,7 +89,7 @@ def test_the_latest_passes_come_first_and_the_nearest_scan_of_each_is_in() -> No
 
     def of_the_last(most: int) -> list[int]:
         config = BundleConfig(neighbours=most, per_pass=3, reach=0.95)
-        pairs = neighbours(poses, np.ones(len(x), dtype=bool), config)
+        pairs = choose_pairs(poses, np.ones(len(x), dtype=bool), config)
         return pairs[pairs[:, 1] == len(x) - 1, 0].tolist()
 
     # Within reach are 0 .. 16 of each pass; 7 is the nearest, halfway is 8.
@@ -98,8 +99,8 @@ def test_the_latest_passes_come_first_and_the_nearest_scan_of_each_is_in() -> No
 
 def test_a_scan_by_itself_has_no_neighbours() -> None:
     far = np.column_stack([10.0 * np.arange(5), np.zeros(5), np.zeros(5)])
-    assert neighbours(far, np.ones(5, dtype=bool), BundleConfig()).shape == (0, 2)
-    assert neighbours(far[:1], np.ones(1, dtype=bool), BundleConfig()).shape == (0, 2)
+    assert choose_pairs(far, np.ones(5, dtype=bool), BundleConfig()).shape == (0, 2)
+    assert choose_pairs(far[:1], np.ones(1, dtype=bool), BundleConfig()).shape == (0, 2)
 
 
 # What the map is made of
@@ -115,32 +116,34 @@ def along(laps: int, n: int = 41) -> Array:
 def test_the_map_is_made_of_the_first_passes() -> None:
     poses = along(8)
     for passes in (1, 2, 3):
-        made_of = mapping(poses, np.ones(len(poses), dtype=bool), BundleConfig(passes=passes))
+        made_of = select_map_keyframes(poses, np.ones(len(poses), dtype=bool), BundleConfig(passes=passes))
         assert np.all(made_of[: 41 * passes])
-        assert made_of[41 * passes :].sum() <= 41 + 2 * ONE_PASS  # to turn round is no second pass
+        assert (
+            made_of[41 * passes :].sum() <= 41 + 2 * BundleConfig().pass_gap
+        )  # to turn round is no second pass
         assert not np.any(made_of[2 * 41 * passes :])
 
 
 def test_who_looks_the_other_way_sees_something_new() -> None:
     poses = along(3)
     poses[82:, 2] = np.pi
-    assert np.all(mapping(poses, np.ones(len(poses), dtype=bool), BundleConfig(passes=2))[82:])
+    assert np.all(select_map_keyframes(poses, np.ones(len(poses), dtype=bool), BundleConfig(passes=2))[82:])
 
 
 def test_the_unmatched_belong_to_what_is_around_them() -> None:
     poses = along(4)
     usable = np.ones(len(poses), dtype=bool)
     usable[[0, 10, 11, 150, 151, 163]] = False
-    made_of = mapping(poses, usable, BundleConfig(passes=2))
+    made_of = select_map_keyframes(poses, usable, BundleConfig(passes=2))
     np.testing.assert_array_equal(made_of[~usable], [True, True, True, False, False, False])
-    assert np.all(mapping(poses, np.zeros(len(poses), dtype=bool), BundleConfig()))
+    assert np.all(select_map_keyframes(poses, np.zeros(len(poses), dtype=bool), BundleConfig()))
 
 
 def test_the_held_are_matched_but_not_among_themselves() -> None:
     poses = along(3)
     held = np.arange(len(poses)) < 82
     usable = np.arange(len(poses)) != 100
-    i, j = neighbours(poses, usable, BundleConfig(), held).T
+    i, j = choose_pairs(poses, usable, BundleConfig(), held).T
     assert np.all(held[i])
     assert set(j.tolist()) == set(range(82, 123)) - {100}
 
@@ -179,7 +182,7 @@ def test_the_pairs_of_the_last_round_become_edges(room: Array, record: Record, s
     n = len(before.edges)
     np.testing.assert_array_equal(graph.edges[:n], before.edges)
     np.testing.assert_array_equal(graph.information[:n], before.information)
-    expected = neighbours(before.poses, all_of(recording), QUICK)
+    expected = choose_pairs(before.poses, all_of(recording), QUICK)
     assert {tuple(pair) for pair in graph.edges[n:].tolist()} <= {tuple(pair) for pair in expected.tolist()}
     assert len(graph.edges) - n > 0.9 * len(expected)
     true_steps = se2.between(truth[graph.edges[n:, 0]], truth[graph.edges[n:, 1]])
@@ -204,7 +207,7 @@ def test_pairs_carry_the_information_of_a_match_less_what_neighbouring_points_sh
         alone = match(scans[i], scans[j], graph.T_ij[k], "plicp", config=config)
         assert isinstance(alone, Match)
         expected = (
-            se2.to_body_covariance(alone.T_reference_scan, alone.information) / odometry_factors.SHARED_ERROR
+            se2.to_body_covariance(alone.T_reference_scan, alone.information) / BundleConfig().match_inflation
         )
         scale = np.sqrt(np.diag(expected))
         np.testing.assert_allclose(

@@ -11,7 +11,8 @@ from slam.matching import Reference
 from slam.scan import Scan
 from slam.se2 import Array
 from stitch.mapping.bundle import BundleConfig
-from stitch.mapping.pairing import MOST_SHIFT, match_pairs, partners
+from stitch.mapping.config import OnlineConfig
+from stitch.mapping.pairing import match_pairs, partners
 
 Look = Callable[..., Scan]
 FEW = BundleConfig(neighbours=4, per_pass=2, reach=1.0)
@@ -46,5 +47,5 @@ def test_a_match_far_from_its_guess_and_one_that_sees_nothing_are_left_out(room:
     guesses = np.zeros((2, 3))
     found = match_pairs([blind, seen], seen, guesses, np.array([0, 1]), BundleConfig())
     np.testing.assert_array_equal(found.partners, [1])
-    off = np.array([[0.8 * MOST_SHIFT, 0.6 * MOST_SHIFT, np.radians(8.0)]])
+    off = np.array([[0.8 * OnlineConfig().max_shift, 0.6 * OnlineConfig().max_shift, np.radians(8.0)]])
     assert len(match_pairs([seen], seen, off, np.array([0]), BundleConfig()).partners) == 0

@@ -1,15 +1,16 @@
-"""The rehearsal must reach what the methods do, or compiling ends up on somebody's bill."""
+"""The warm-up must reach what the methods do, or compiling ends up on somebody's bill."""
 
 from __future__ import annotations
 
 import numpy as np
-from scenarios.rehearsal import BLIND, SCANS, rehearsal
 
 from scenarios.methods import METHODS
 from scenarios.methods.config import MethodConfig
+from scenarios.methods.warm_up import BLIND, SCANS, warm_up_recording
 from sim.laser import Raycaster
 from slam import se2
 from slam.recording import Laser, Recording
+from stitch.mapping import Estimate
 
 ROOM = np.array(
     [[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0], [2, 1, 3, 1], [3, 1, 3, 2]], dtype=float
@@ -28,7 +29,7 @@ def straight_drive(scans: int) -> Recording:
 
 def test_it_is_short_blind_in_the_middle_and_knows_no_truth() -> None:
     drive = straight_drive(100)
-    short = rehearsal(drive)
+    short = warm_up_recording(drive)
     assert len(short) == 2 * SCANS + BLIND
     blind = np.all(np.isnan(short.ranges), axis=1)
     np.testing.assert_array_equal(np.flatnonzero(blind), SCANS + np.arange(BLIND))
@@ -36,14 +37,15 @@ def test_it_is_short_blind_in_the_middle_and_knows_no_truth() -> None:
     assert not np.any(np.all(np.isnan(drive.ranges), axis=1)), "the recording itself is left alone"
 
 
-def test_a_recording_shorter_than_the_rehearsal() -> None:
-    assert len(rehearsal(straight_drive(5))) == 3 * 5
+def test_a_recording_shorter_than_the_warm_up_recording() -> None:
+    assert len(warm_up_recording(straight_drive(5))) == 3 * 5
 
 
 def test_it_makes_slamstitch_and_htms_stitch() -> None:
-    short = rehearsal(straight_drive(60))
+    short = warm_up_recording(straight_drive(60))
     for method in ("htms", "slamstitch"):
         estimate = METHODS[method](short, MethodConfig())
+        assert isinstance(estimate, Estimate)
         assert len(estimate.submaps) >= 2
         assert len(estimate.stitches) >= 1
         np.testing.assert_allclose(se2.wrap(estimate.poses[:, 2]), 0.0, atol=0.2)

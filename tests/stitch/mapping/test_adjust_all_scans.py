@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stitch.mapping.adjusted import adjusted
 
 from scenarios.bench.matching.cost import LAP, round_and_round
 from slam import se2
+from slam.odometry.dead_reckoning import DeadReckoning
 from slam.recording import Recording
 from slam.scan import scans_of
 from slam.se2 import Array
-from stitch.mapping.bundle import BundleConfig
+from stitch.mapping.bundle import BundleConfig, adjust_all_scans
 
 ROUNDS = 4
 QUICK = BundleConfig(neighbours=6, per_pass=3, radii=(0.4, 0.25, 0.15, 0.15), passes=1)
@@ -33,7 +33,10 @@ def answers() -> dict[int, tuple[Array, Array]]:
     """Poses and covariances by how many rounds may make the map."""
     recording, poses = driven()
     scans, matched = scans_of(recording), np.ones(len(recording), dtype=bool)
-    return {n: adjusted(recording, scans, poses, matched, replace(QUICK, passes=n)) for n in (1, ROUNDS)}
+    reckoning = DeadReckoning(recording)
+    return {
+        n: adjust_all_scans(reckoning, scans, poses, matched, replace(QUICK, passes=n)) for n in (1, ROUNDS)
+    }
 
 
 def test_those_placed_in_the_map_lie_as_if_all_had_made_it(answers: dict[int, tuple[Array, Array]]) -> None:
