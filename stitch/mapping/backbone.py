@@ -39,6 +39,6 @@ def across_lost(found: Track, rows: np.ndarray) -> np.ndarray:
 def with_heavy_tails(graph: PoseGraph, recording: Recording, first: int) -> PoseGraph:
     """The graph, whose edges from ``first`` on are dead reckoning's, with an INS's yaw among them as
     heavy-tailed: a fall turns it by ten degrees and more."""
-    heavy = graph.heavy.copy()
+    heavy = graph.heavy_tailed.copy()
     heavy[first:] = recording.source == "ins"
-    return replace(graph, heavy=heavy)
+    return replace(graph, heavy_tailed=heavy)

@@ -195,5 +195,5 @@ def _with_pairs(backbone: PoseGraph, pairs: np.ndarray, T_ij: Array, information
         T_ij=np.concatenate([backbone.T_ij, T_ij]),
         information=np.concatenate([backbone.information, information]),
         loop=np.zeros(len(backbone.edges) + len(pairs), dtype=bool),
-        heavy=np.concatenate([backbone.heavy, np.zeros(len(pairs), dtype=bool)]),
+        heavy_tailed=np.concatenate([backbone.heavy_tailed, np.zeros(len(pairs), dtype=bool)]),
     )

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Literal
+from typing import get_args
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -14,9 +14,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from slam import se2
 from slam.graph.cholesky import Factor
-from slam.graph.consistency import consistent_loops
 from slam.graph.gauss_newton import Problem
-from slam.graph.gnc import judge
+from slam.graph.gnc import solve_gnc
 from slam.graph.marginals import relative_covariance
 from slam.graph.pose_graph import Loss, PoseGraph, Solution, informations, optimise
 from slam.mapping.submap import Submap
@@ -26,18 +25,9 @@ from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Alternative
 from stitch.mapping.estimate import LoopCandidate
 
-BackEnd = Literal["gnc", "dcs", "none", "pcm", "pcm_gnc"]
-BACK_ENDS: dict[BackEnd, tuple[bool, Loss]] = {
-    "gnc": (False, "gnc"),
-    "dcs": (False, "dcs"),
-    "none": (False, "none"),
-    "pcm": (True, "none"),
-    "pcm_gnc": (True, "gnc"),
-}
-"""How the graph judges stitches: whether the largest consistent set is taken first, and the loss of the rest.
-
-"none" keeps every stitch.
-"""
+BackEnd = Loss
+BACK_ENDS: tuple[BackEnd, ...] = get_args(BackEnd)
+"""How the graph judges stitches; "none" keeps every one."""
 
 INJECTED_OFFSET = (1.0, 5.0)
 """A false stitch that is injected lies this far [m] from where the graph has its submap, turned by any
@@ -303,16 +293,9 @@ def settled(graph: PoseGraph, back_end: BackEnd, known: Array | None = None) -> 
 
     ``known (L,)``: weights the loops had until now, from which graduated non-convexity may start.
     """
-    first_consistent, loss = BACK_ENDS[back_end]
     if back_end == "gnc" or not np.any(graph.loop):
-        return judge(graph, known)
-    if not first_consistent:
-        return optimise(graph, loss)
-    kept = consistent_loops(graph)
-    solution = judge(graph.with_only(kept)) if loss == "gnc" else optimise(graph.with_only(kept), loss)
-    weights: Array = np.zeros(len(kept))
-    weights[kept] = solution.weights
-    return Solution(solution.poses, weights)
+        return solve_gnc(graph, known)
+    return optimise(graph, back_end)
 
 
 def close(

@@ -150,7 +150,7 @@ class Mapper:
             last = self.graph.pose(j - 1)
             self.graph.add_node(se2.compose(last, se2.between(*self.tracker.poses[ends])))
             tie = backbones.reckoned(self.recording, self.tracker.poses, ends)
-            self.graph.add_edge(j - 1, j, tie.T_ij[0], tie.information[0], bool(tie.heavy[0]))
+            self.graph.add_edge(j - 1, j, tie.T_ij[0], tie.information[0], bool(tie.heavy_tailed[0]))
             if tie.world_steps is not None:
                 steps = tie.world_steps
                 self.graph.add_world_step(j - 1, j, steps.displacement[0], float(steps.variance[0]))

@@ -131,5 +131,5 @@ class SubmapGraph:
             np.concatenate([step.T_ij for step in self._steps]),
             np.concatenate([step.information for step in self._steps]),
             world_steps=world,
-            heavy=np.concatenate([step.heavy for step in self._steps]),
+            heavy_tailed=np.concatenate([step.heavy_tailed for step in self._steps]),
         )

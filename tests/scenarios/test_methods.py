@@ -331,8 +331,7 @@ def test_false_stitches_harm_plain_least_squares_only(back_end: str) -> None:
         assert weights == [1.0, None, 1.0, 1.0, 1.0]
     else:
         assert moved < 0.02
-        kept = back_end != "dcs"  # from a poor start it doubts the true ones as well
-        assert [w is not None and w > 0.5 for w in weights] == [kept, False, kept, False, False]
+        assert [w is not None and w > 0.5 for w in weights] == [True, False, True, False, False]
 
 
 def test_injected_stitches_are_a_share_are_wrong_and_claim_what_true_ones_do() -> None:

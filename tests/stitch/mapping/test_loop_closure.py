@@ -211,4 +211,4 @@ def test_only_an_ins_has_heavy_tails(source: str, marked: int) -> None:
     _, graph = ring()
     ranges = np.ones((2, 3))
     recording = Recording("r", np.arange(2.0), ranges, np.arange(3.0), Laser(), np.zeros((2, 3)), source)  # type: ignore[arg-type]
-    assert with_heavy_tails(graph, recording, N - 6).heavy.sum() == marked
+    assert with_heavy_tails(graph, recording, N - 6).heavy_tailed.sum() == marked
