@@ -133,12 +133,12 @@ def checked(options: Options) -> tuple[list[str], str]:
 
 def with_matcher(config: MethodConfig, name: str) -> MethodConfig:
     """The settings with another scan matcher in slamstitch's front end. Raises `InputError`."""
-    from slam.matching.registry import named
+    from slam.matching.registry import register
 
     if not name:
         return config
     try:
-        return replace(config, frontend=replace(config.frontend, method=named(name)))
+        return replace(config, frontend=replace(config.frontend, method=register(name)))
     except ValueError as error:
         raise InputError(f"--matcher: {error}") from error
 

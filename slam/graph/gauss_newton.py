@@ -1,8 +1,10 @@
 """Least squares over a pose graph: Gauss-Newton steps by a sparse Cholesky factor.
 
-Minimises what `slam.graph.pose_graph.optimise` has gtsam minimise, and ends at the same poses.
-Quick enough to be done again for every stitch: nothing is built edge by edge in Python, and an INS's steps
-need no rounds of their own.
+Minimises what `slam.graph.pose_graph.optimise` has gtsam minimise, and ends at the same poses (2e-6 m), in a
+tenth of its time, with graduated non-convexity in a twenty-eighth: 1.7 against 17 ms, 2.1 against 59 ms for
+hospital's 88 nodes, 188 edges and 14 loops (the snippet in docs/pose_graph.md prints it; 2026-12, one core).
+Nothing is built edge by edge in Python, and an INS's steps need no rounds of their own. That is why it solves
+the graph after every stitch and the bundle, which also needs fixed poses; gtsam solves the final graph once.
 """
 
 from __future__ import annotations

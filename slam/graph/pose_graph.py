@@ -29,18 +29,18 @@ errors."""
 
 @dataclass(frozen=True)
 class GncConfig:
-    """Graduated non-convexity over the loops of a graph (Yang et al. 2020)."""
+    """Graduated non-convexity over the loops of a graph (Yang et al. 2020); gtsam reads the first only."""
 
     inlier_probability: float = 0.99
     """Quantile of χ²₃ beyond which a loop is an outlier."""
     first_mu: float = 0.1
     """Largest μ of the first round, where a loop counts by its error and not by its square. Beginning at the
     μ of the worst loop, as gtsam does, ends at higher costs where the plain least squares hide false loops by
-    bending the graph. gtsam does not read it."""
+    bending the graph."""
     growth: float = 1.4
-    """Factor on μ from one round to the next; gtsam has this value built in."""
+    """Factor on μ from one round to the next, as in gtsam."""
     rounds: int = 100
-    """Most rounds."""
+    """Most rounds, as in gtsam."""
 
     @cached_property
     def limit(self) -> float:
@@ -202,7 +202,6 @@ def _solve(graph: PoseGraph, loss: Loss, gnc: GncConfig) -> tuple[Array, Array]:
     parameters = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
     parameters.setLossType(gtsam.GncLossType.TLS)
     parameters.setAllowNonNoiseModelFactors(True)
-    parameters.setMaxIterations(gnc.rounds)
     doubted = set(loops.tolist())
     parameters.setKnownInliers([f for f in range(factors.size()) if f not in doubted])
     optimizer = gtsam.GncLMOptimizer(factors, initial, parameters)
