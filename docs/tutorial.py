@@ -26,7 +26,8 @@ from sim.record import Setup, simulate
 from sim.terrain import Terrain
 from sim.world import World
 from slam import se2
-from slam.graph.pose_graph import informations, marginals, optimise
+from slam.graph.marginals import marginals
+from slam.graph.pose_graph import informations, optimise
 from slam.mapping.submap import cut
 from slam.odometry.segmentation import SegmentationConfig, segments
 from slam.odometry.track import Verdict

@@ -157,14 +157,14 @@ def configure(options: Options) -> MethodConfig:
 
 def with_matcher(config: MethodConfig, name: str) -> MethodConfig:
     """The settings with another scan matcher in slamstitch's front end. Raises `InputError`."""
-    from slam.matching.registry import named
+    from slam.matching.registry import register
 
     if not name:
         return config
     try:
         return replace(
             config,
-            slam=replace(config.slam, frontend=replace(config.slam.frontend, method=named(name))),
+            slam=replace(config.slam, frontend=replace(config.slam.frontend, method=register(name))),
         )
     except ValueError as error:
         raise InputError(f"--matcher: {error}") from error

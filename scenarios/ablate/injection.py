@@ -14,7 +14,7 @@ from slam.se2 import Array
 from stitch.align import Stitch
 from stitch.mapping import Estimate, LoopCandidate, MappingConfig, NoEstimate, map_recording
 from stitch.mapping.loop_closure import LoopClosureResult
-from stitch.mapping.submap_graph import add_stitches, optimise_robustly, with_weights
+from stitch.mapping.submap_graph import LoopConfig, add_stitches, optimise_robustly, with_weights
 
 OFFSET = (1.0, 5.0)
 """A false stitch lies this far [m] from where the graph has its submap, turned by any angle."""
@@ -24,12 +24,12 @@ def map_with_false_stitches(
     recording: Recording, config: MappingConfig, share: float, rng: np.random.Generator
 ) -> Estimate | NoEstimate:
     """`map_recording`, of whose stitches a ``share`` is made up."""
-    revise = partial(inject_false_stitches, share=share, back_end=config.loops.back_end, rng=rng)
+    revise = partial(inject_false_stitches, share=share, config=config.loops, rng=rng)
     return map_recording(recording, config, revise)
 
 
 def inject_false_stitches(
-    closed: LoopClosureResult, start: Array, share: float, back_end: str, rng: np.random.Generator
+    closed: LoopClosureResult, start: Array, share: float, config: LoopConfig, rng: np.random.Generator
 ) -> LoopClosureResult:
     """The loops with so many false ones among them that these are a ``share``, judged anew from the poses
     ``start (L, 3)``. Without any stitch nothing is injected. Raises ``ValueError`` for a share outside 0..1.
@@ -43,7 +43,7 @@ def inject_false_stitches(
     poses = closed.poses if closed.nodes is None else closed.poses[closed.nodes]
     false = [draw_false_stitch(poses, true, rng) for _ in range(count)]
     graph = add_stitches(closed.graph, false, closed.nodes)
-    solution = optimise_robustly(replace(graph, poses=start), back_end)
+    solution = optimise_robustly(replace(graph, poses=start), config)
     tried = (*closed.tried, *(LoopCandidate(a, b, stitch) for (a, b), stitch in false))
     return replace(closed, graph=graph, poses=solution.poses, tried=with_weights(tried, solution.weights))
 

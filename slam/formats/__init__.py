@@ -2,29 +2,50 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 
-from slam.formats import carmen, recording_npz, rosbag, usarsim
+from slam.formats import carmen, recording_npz, rosbag, rosbag_writer, usarsim
 from slam.formats import relations as relations_file
-from slam.formats.errors import FormatError
-from slam.formats.text import decode, read_bytes
+from slam.formats.text import File, FormatError
 from slam.recording import Recording
 
-__all__ = ["FormatError", "load"]
+__all__ = ["FORMATS", "Format", "FormatError", "load"]
 
-ZIP_MAGIC = b"PK\x03\x04"
-USARSIM = re.compile(r"^(# UvA Rescue Team|(SEN|STA|MISSTA|GEO|CONF|NFO|INIT) \{)", re.MULTILINE)
 CHANGED, LEAST_BEAMS = 0.2, 20
 """A beam that changed by more [m] sees something else; so many beams must be compared."""
-CARMEN = re.compile(r"^(FLASER|ODOM|ROBOTLASER1|RAWLASER1|PARAM|SYNC)\b", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Format:
+    """How recordings are kept in files.
+
+    ``title`` for messages; ``recognise`` tells a file of this format, by path or content, from all others;
+    ``read`` raises `FormatError`; ``write`` takes a path and a recording, and is None for a format that is
+    only read.
+    """
+
+    title: str
+    recognise: Callable[[File], bool]
+    read: Callable[[File], Recording]
+    write: Callable[[str | PathLike[str], Recording], None] | None = None
+
+
+FORMATS = {
+    "rosbag": Format("a ROS 2 bag", rosbag.recognise, rosbag.read, rosbag_writer.write),
+    "npz": Format("a recording.npz", recording_npz.recognise, recording_npz.read, recording_npz.write),
+    "usarsim": Format("a USARSim log", usarsim.recognise, usarsim.read, usarsim.write),
+    "carmen": Format("a CARMEN log", carmen.recognise, carmen.read, carmen.write),
+}
+"""Formats of recordings, in the order in which a file is tried. A further one is a file of its own and an
+entry here; `tests/slam/formats/test_load.py` tries it on arrival."""
 
 
 def load(path: str | PathLike[str], relations: str | PathLike[str] | None = None) -> Recording:
-    """Read a recording: USARSim log, CARMEN log (both also gzipped), recording.npz or ROS 2 bag.
+    """Read a recording in any of the `FORMATS`; logs may be gzipped.
 
     Files are recognised by content, a bag by its folder's metadata.yaml or by its suffix, .db3 or .mcap.
 
@@ -32,11 +53,19 @@ def load(path: str | PathLike[str], relations: str | PathLike[str] | None = None
     reckoning never changes while its scans do has none. Raises `FormatError`, one line naming file and line,
     for anything that cannot be read.
     """
-    path = Path(path)
-    recording = _load(path)
+    file = File(path)
+    recording = _format_of(file).read(file)
     if recording.source != "none" and dead_reckoning_is_stuck(recording):
         recording = recording.without_dead_reckoning()
     return recording if relations is None else recording.with_relations(relations_file.read(relations))
+
+
+def _format_of(file: File) -> Format:
+    for form in FORMATS.values():
+        if form.recognise(file):
+            return form
+    *titles, last = (form.title for form in FORMATS.values())
+    raise FormatError(f"not a recording: expected {', '.join(titles)} or {last}", file.path)
 
 
 def dead_reckoning_is_stuck(recording: Recording) -> bool:
@@ -51,17 +80,3 @@ def dead_reckoning_is_stuck(recording: Recording) -> bool:
     both = np.isfinite(recording.ranges) & np.isfinite(recording.ranges[0])
     changed = both & (np.abs(recording.ranges - recording.ranges[0]) > CHANGED)
     return bool(np.mean(2 * changed.sum(axis=1) > np.maximum(both.sum(axis=1), LEAST_BEAMS)) > 0.2)
-
-
-def _load(path: Path) -> Recording:
-    if rosbag.is_bag(path):
-        return rosbag.read(path)
-    data = read_bytes(path)
-    if data.startswith(ZIP_MAGIC):
-        return recording_npz.parse(data, path)
-    text = decode(data, path)
-    if USARSIM.search(text):
-        return usarsim.parse(text, path)
-    if CARMEN.search(text):
-        return carmen.parse(text, path)
-    raise FormatError("not a recording: expected a USARSim log, a CARMEN log or a recording.npz", path)

@@ -10,6 +10,7 @@ no word for in ``PARAM``.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -19,9 +20,8 @@ import numpy as np
 
 from slam import se2
 from slam.formats import quaternion
-from slam.formats.errors import FormatError
 from slam.formats.pose_records import PoseRecords
-from slam.formats.text import decode, numbers, printable_ranges, range_matrix, read_bytes, recording_name
+from slam.formats.text import File, FormatError, numbers, printable_ranges, range_matrix, recording_name
 from slam.recording import Laser, Odometry, Recording, Source
 from slam.se2 import Array
 
@@ -33,6 +33,7 @@ SIGMA_RANGE = 0.01
 MOUNT_TOLERANCE = 2e-3
 """Laser and robot poses are logged apart: their difference is a mount if it stays within this [m, rad]."""
 
+MESSAGE = re.compile(r"^(FLASER|ODOM|ROBOTLASER1|RAWLASER1|PARAM|SYNC)\b", re.MULTILINE)
 NAMES = ("ODOM", "FLASER", "ROBOTLASER1", "TRUEPOS", "IMU")
 LENGTHS = {"ODOM": 10, "TRUEPOS": 10, "IMU": 17}
 """Words of a line, its name included."""
@@ -57,22 +58,23 @@ class _Log:
     range_min: float = RANGE_MIN
 
 
-def read(path: str | PathLike[str]) -> Recording:
-    """Read a CARMEN log, plain or gzipped. Raises `FormatError` naming file and line."""
-    path = Path(path)
-    return parse(decode(read_bytes(path), path), path)
+def recognise(file: File) -> bool:
+    """Whether a line begins as one of CARMEN's messages."""
+    return MESSAGE.search(file.text) is not None
 
 
-def parse(text: str, path: Path) -> Recording:
-    """Recording from the text of a CARMEN log; ``path`` names it in errors.
+def read(source: File | str | PathLike[str]) -> Recording:
+    """Read a CARMEN log, plain or gzipped.
 
     Reads ``FLASER``, or ``ROBOTLASER1`` in a log without. Each scan's dead reckoning is the robot pose on its
-    own line. Raises `FormatError`.
+    own line. Raises `FormatError` naming file and line.
     """
+    file = File.of(source)
+    text, path = file.text, file.path
     _check_last_line(text, path)
     log = _Log(path)
     laser_name = "FLASER" if text.startswith("FLASER ") or "\nFLASER " in text else "ROBOTLASER1"
-    for number, line in enumerate(text.split("\n"), start=1):
+    for number, line in file.lines():
         if line.startswith(laser_name + " "):
             _read_scan(log, line.split(), number)
         elif line.startswith(("ODOM ", "TRUEPOS ", "IMU ")):

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.formats.errors import FormatError
-from slam.formats.text import decode, numbers, read_bytes
+from slam.formats.text import File, FormatError, numbers
 from slam.graph.pose_graph import PoseGraph
 
 UPPER = np.triu_indices(3)
@@ -39,9 +38,8 @@ def read(path: str | PathLike[str]) -> PoseGraph:
     poses: list[list[float]] = []
     ends: list[tuple[str, str, int]] = []
     measurements: list[list[float]] = []
-    for number, line in enumerate(decode(read_bytes(path), path).split("\n"), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#") or words[0] == "FIX":
+    for number, words in File(path).records():
+        if words[0] == "FIX":
             continue
         _check_line(words, path, number)
         if words[0] == "VERTEX_SE2":

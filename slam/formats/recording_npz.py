@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.formats.errors import FormatError
-from slam.formats.text import read_bytes
+from slam.formats.text import File, FormatError
 from slam.recording import Laser, Odometry, Recording, Relations
 
 SCHEMA = 1
+ZIP_MAGIC = b"PK\x03\x04"
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """The earliest date a zip entry can have; a real one would change the bytes from run to run."""
 TORN = (ValueError, OSError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error)
@@ -54,15 +54,16 @@ def write(path: str | PathLike[str], recording: Recording) -> None:
             archive.writestr(entry, buffer.getvalue())
 
 
-def read(path: str | PathLike[str]) -> Recording:
+def recognise(file: File) -> bool:
+    """Whether it is a zip file."""
+    return file.data.startswith(ZIP_MAGIC)
+
+
+def read(source: File | str | PathLike[str]) -> Recording:
     """Read what `write` wrote. Raises `FormatError` naming the file."""
-    path = Path(path)
-    return parse(read_bytes(path), path)
-
-
-def parse(data: bytes, path: Path) -> Recording:
-    """Recording from the bytes of an npz; ``path`` names it in errors. Raises `FormatError`."""
-    arrays = _load(data, path)
+    file = File.of(source)
+    path = file.path
+    arrays = _load(file.data, path)
     missing = [name for name in REQUIRED if name not in arrays]
     if missing:
         raise FormatError(f"no array {missing[0]!r}, expected a recording.npz", path)

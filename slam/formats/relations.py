@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.formats.errors import FormatError
-from slam.formats.text import decode, numbers, read_bytes
+from slam.formats.text import File, FormatError
 from slam.recording import Relations
 
 COLUMNS = "t1 t2 x y z roll pitch yaw"
@@ -29,15 +28,7 @@ def read(path: str | PathLike[str]) -> Relations:
 
     z, roll and pitch are dropped. Raises `FormatError` naming file and line.
     """
-    path = Path(path)
-    rows = []
-    for number, line in enumerate(decode(read_bytes(path), path).split("\n"), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        if len(words) != 8:
-            raise FormatError(f"relation of {len(words)} values, expected 8: {COLUMNS}", path, number)
-        rows.append(numbers(words, "relation", path, number))
+    rows = [row for _, row in File(path).rows("relation", COLUMNS)]
     if not rows:
         raise FormatError(f"no relations, expected lines of {COLUMNS}", path)
     table = np.array(rows)

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from slam.formats.errors import FormatError
-from slam.formats.text import decode, read_bytes
+from slam.formats.text import File, FormatError
 from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 
@@ -119,7 +118,7 @@ def _entries(path: Path) -> dict[str, Any]:
     import yaml
 
     try:
-        entries = yaml.safe_load(decode(read_bytes(path), path))
+        entries = yaml.safe_load(File(path).text)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else mark.line + 1

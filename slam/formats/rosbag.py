@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from slam.formats import quaternion
-from slam.formats.errors import FormatError
 from slam.formats.pose_records import PoseRecords
-from slam.formats.text import recording_name
+from slam.formats.text import File, FormatError, recording_name
 from slam.recording import Laser, Odometry, Recording, Source
 from slam.se2 import Array
 
@@ -33,8 +32,9 @@ RANGE_DECIMALS, ANGLE_DECIMALS = 5, 6
 """Messages hold 32-bit floats; so many of their decimals mean something."""
 
 
-def is_bag(path: Path) -> bool:
-    """True for a folder with a metadata.yaml, and for a file that is named as a bag's storage."""
+def recognise(file: File) -> bool:
+    """Whether it is a folder with a metadata.yaml, or a file that is named as a bag's storage."""
+    path = file.path
     return (path / "metadata.yaml").is_file() or (path.suffix in SUFFIXES and path.is_file())
 
 
@@ -54,7 +54,7 @@ class _Bag:
     parents: dict[str, tuple[str, Array]] = field(default_factory=dict)  # child -> parent, T (4, 4)
 
 
-def read(path: str | PathLike[str]) -> Recording:
+def read(source: File | str | PathLike[str]) -> Recording:
     """Read a bag: its folder, or its .db3 or .mcap file.
 
     Of several topics of one type that of our own bags is read, else the first by name; ``/ground_truth`` is
@@ -62,7 +62,7 @@ def read(path: str | PathLike[str]) -> Recording:
     rate where there is more of it. The mount comes from ``/tf_static``, and is zero where that does not lead
     from the laser to the robot. Without any odometry there is no dead reckoning. Raises `FormatError`.
     """
-    path = Path(path)
+    path = File.of(source).path
     bag = _Bag(path)
     for topic, message in _messages(path):
         _take(bag, topic, message)

@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 
 from slam.formats import quaternion
-from slam.formats.errors import FormatError
 from slam.formats.rosbag import (
     ATTITUDE,
     HOW_TO_INSTALL,
@@ -25,6 +24,7 @@ from slam.formats.rosbag import (
     TF_TYPE,
     TRUTH,
 )
+from slam.formats.text import FormatError
 from slam.recording import Odometry, Recording
 from slam.se2 import Array
 

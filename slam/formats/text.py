@@ -1,26 +1,90 @@
-"""Reading text files of numbers, and saying in one line what is wrong with them."""
+"""Files read once, their lines and numbers, and what is wrong with them in one line."""
 
 from __future__ import annotations
 
 import gzip
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
-from slam.formats.errors import FormatError
 from slam.recording import Laser
 from slam.se2 import Array
 
 GZIP_MAGIC = b"\x1f\x8b"
 
 
-def read_bytes(path: Path) -> bytes:
-    """The file's bytes, unpacked where it is gzipped.
+class FormatError(ValueError):
+    """A file that cannot be read: ``path:line: what was wrong, what was expected``, in one line.
 
-    Raises `FormatError` for a file that is missing, unreadable, a directory, empty, or a torn gzip.
+    ``line`` counts from 1 and is None where the whole file is meant.
     """
+
+    def __init__(
+        self, message: str, path: str | PathLike[str] | None = None, line: int | None = None
+    ) -> None:
+        self.path = path
+        self.line = line
+        where = "" if path is None else f"{path}: " if line is None else f"{path}:{line}: "
+        super().__init__(where + " ".join(message.split()))
+
+
+class File:
+    """A file that is read at most once, when its content is first asked for; given ``data``, never."""
+
+    def __init__(self, path: str | PathLike[str], data: bytes | None = None) -> None:
+        self.path = Path(path)
+        if data is not None:
+            self.__dict__["data"] = data
+
+    @classmethod
+    def of(cls, source: File | str | PathLike[str]) -> File:
+        """The file at a path, or the one given."""
+        return source if isinstance(source, File) else cls(source)
+
+    @cached_property
+    def data(self) -> bytes:
+        """The bytes, unpacked where they are gzipped.
+
+        Raises `FormatError` for a file that is missing, unreadable, a directory, empty, or a torn gzip.
+        """
+        return _read_bytes(self.path)
+
+    @cached_property
+    def text(self) -> str:
+        """The text with ``\\n`` line ends. Raises `FormatError` where it is binary, or as `data` does."""
+        nul = self.data.find(b"\0")
+        if nul >= 0:
+            line = self.data.count(b"\n", 0, nul) + 1
+            raise FormatError("binary data, expected text", self.path, line)
+        return self.data.decode("utf-8", errors="replace").replace("\r\n", "\n")
+
+    def lines(self) -> Iterator[tuple[int, str]]:
+        """Every line with its number, from 1. Raises `FormatError` as `text` does."""
+        return enumerate(self.text.split("\n"), start=1)
+
+    def records(self) -> Iterator[tuple[int, list[str]]]:
+        """Line number and words of every line that is neither blank nor a comment (``#``)."""
+        for number, line in self.lines():
+            words = line.split()
+            if words and not words[0].startswith("#"):
+                yield number, words
+
+    def rows(self, what: str, columns: str, more: bool = False) -> Iterator[tuple[int, list[float]]]:
+        """Line number and values of every record, which has the ``columns`` named, or ``more`` that are
+        dropped. Raises `FormatError` for a record, called ``what``, of other values."""
+        count = len(columns.split())
+        for number, words in self.records():
+            if len(words) < count or (len(words) > count and not more):
+                expected = f"{'at least ' if more else ''}{count}: {columns}"
+                raise FormatError(f"{what} of {len(words)} values, expected {expected}", self.path, number)
+            yield number, numbers(words[:count], what, self.path, number)
+
+
+def _read_bytes(path: Path) -> bytes:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -37,14 +101,6 @@ def read_bytes(path: Path) -> bytes:
     if not data.strip():
         raise FormatError("the file is empty", path)
     return data
-
-
-def decode(data: bytes, path: Path) -> str:
-    """``data`` as text with ``\\n`` line ends. Raises `FormatError` where it is binary."""
-    nul = data.find(b"\0")
-    if nul >= 0:
-        raise FormatError("binary data, expected text", path, data.count(b"\n", 0, nul) + 1)
-    return data.decode("utf-8", errors="replace").replace("\r\n", "\n")
 
 
 def numbers(words: Sequence[str], what: str, path: Path, line: int) -> list[float]:

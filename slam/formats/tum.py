@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slam.formats.errors import FormatError
-from slam.formats.text import decode, numbers, read_bytes
+from slam.formats.text import File, FormatError
 from slam.se2 import Array
 
 COLUMNS = "stamp tx ty tz qx qy qz qw"
@@ -35,15 +34,8 @@ def read(path: str | PathLike[str]) -> tuple[Array, Array]:
 
     Raises `FormatError` naming file and line.
     """
-    path = Path(path)
     rows = []
-    for number, line in enumerate(decode(read_bytes(path), path).split("\n"), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        if len(words) != 8:
-            raise FormatError(f"pose of {len(words)} values, expected 8: {COLUMNS}", path, number)
-        row = numbers(words, "pose", path, number)
+    for number, row in File(path).rows("pose", COLUMNS):
         if not any(row[4:]):
             raise FormatError("quaternion is zero, expected a rotation", path, number)
         rows.append(row)

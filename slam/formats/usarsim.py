@@ -16,9 +16,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from slam.formats.errors import FormatError
 from slam.formats.pose_records import PoseRecords
-from slam.formats.text import decode, numbers, printable_ranges, range_matrix, read_bytes, recording_name
+from slam.formats.text import File, FormatError, numbers, printable_ranges, range_matrix, recording_name
 from slam.recording import Laser, Recording, Source
 from slam.se2 import Array, rotation, wrap
 
@@ -37,6 +36,7 @@ NEAREST = "nearest"
 SCANNER = "Scanner1"
 """What our own logs call the laser."""
 
+MESSAGE = re.compile(r"^(# UvA Rescue Team|(SEN|STA|MISSTA|GEO|CONF|NFO|INIT) \{)", re.MULTILINE)
 TORN_LINE = "line ends in {!r}, expected a closing brace: cut in the middle?"
 FIELD = re.compile(r"\{(\w+) +([^{}]*)\}")
 TIME = re.compile(r"\{Time +([^{} ]+) *\}")
@@ -67,22 +67,23 @@ class _Log:
     devices: dict[str, dict[str, tuple[int, str]]] = field(default_factory=dict)
 
 
-def read(path: str | PathLike[str]) -> Recording:
-    """Read a USARSim log. Raises `FormatError` naming file and line."""
-    path = Path(path)
-    return parse(decode(read_bytes(path), path), path)
+def recognise(file: File) -> bool:
+    """Whether a line begins as one of USARSim's messages, or as the commander's header."""
+    return MESSAGE.search(file.text) is not None
 
 
-def parse(text: str, path: Path) -> Recording:
-    """Recording from the text of a USARSim log; ``path`` names it in errors.
+def read(source: File | str | PathLike[str]) -> Recording:
+    """Read a USARSim log, plain or gzipped.
 
     Dead reckoning is the INS where there is one, else the odometry, interpolated in time at the scans. Of a
-    robot with several range scanners the first to speak is read. Raises `FormatError`.
+    robot with several range scanners the first to speak is read. Raises `FormatError` naming file and line.
     """
+    file = File.of(source)
+    path = file.path
     log = _Log(path)
-    for number, line in enumerate(text.split("\n"), start=1):
+    for number, line in file.lines():
         _read_line(log, line, number)
-    _check_last_line(text, path)
+    _check_last_line(file.text, path)
     ranges = range_matrix(log.rows, log.scan_lines, path)
     time = _scan_times(log)
     laser = _laser(log)

@@ -1,4 +1,7 @@
-"""Sparse symmetric matrices of 3 x 3 blocks, one block row per pose: factor, solve, invert in part."""
+"""Sparse Cholesky factor of symmetric matrices of 3 x 3 blocks: solve, and diagonal blocks of the inverse.
+
+What it brings over a general sparse solver is in `slam.graph.gauss_newton`.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,10 @@ from slam.se2 import Array
 
 @dataclass(frozen=True)
 class Structure:
-    """Where a matrix of K x K blocks and its factor have some.
+    """Sparsity pattern of a K x K block matrix (3 x 3 blocks) and of its Cholesky factor.
 
     ``position (K,)`` is each node's place in the order of elimination; ``columns`` and ``by_row`` list the
-    factor's blocks as `slam.graph.cholesky_kernels` wants them.
+    factor's blocks as `slam.graph.cholesky_kernels` takes them.
     """
 
     position: np.ndarray
@@ -25,7 +28,7 @@ class Structure:
 
     @classmethod
     def of(cls, pairs: np.ndarray, nodes: int) -> Structure:
-        """The structure of a matrix whose nodes ``pairs (P, 2)`` meet, eliminated by minimum degree."""
+        """Pattern of a matrix with off-diagonal blocks at ``pairs (P, 2)``, in minimum-degree order."""
         from slam.graph import cholesky_kernels as kernels
 
         position = _order(pairs, nodes)
@@ -41,25 +44,25 @@ class Structure:
 
     @property
     def blocks(self) -> int:
-        """How many strictly lower blocks the factor has."""
+        """Number of strictly lower blocks of the factor."""
         return len(self.columns[1])
 
-    def places(self, pairs: np.ndarray) -> np.ndarray:
-        """Where the lower blocks of pairs ``(P, 2)`` of nodes lie; negative, less one, for those to be
+    def block_index(self, pairs: np.ndarray) -> np.ndarray:
+        """Index ``(P,)`` of the lower block of each pair ``(P, 2)`` of nodes; -1 - index for those that enter
         transposed."""
         i, j = self.position[pairs].T
         row_starts, row_columns, row_places = self.by_row
         nodes = len(self.position)
         keys = np.repeat(np.arange(nodes), np.diff(row_starts)) * nodes + row_columns
-        found = row_places[
-            np.searchsorted(keys, np.maximum(i, j) * nodes + np.minimum(i, j)) % max(len(keys), 1)
-        ]
-        return np.where(i > j, found, -1 - found)
+        key = np.maximum(i, j) * nodes + np.minimum(i, j)
+        block = row_places[np.searchsorted(keys, key) % max(len(keys), 1)]
+        return np.where(i > j, block, -1 - block)
 
 
 @dataclass(frozen=True)
 class Factor:
-    """Cholesky factor of a matrix: ``diagonal (K, 3, 3)`` in the order of elimination, ``lower``."""
+    """Cholesky factor of a matrix: blocks ``diagonal (K, 3, 3)`` in the order of elimination, ``lower (n, 3,
+    3)`` in the order of `Structure.columns`."""
 
     structure: Structure
     diagonal: Array
@@ -67,7 +70,8 @@ class Factor:
 
     @classmethod
     def of(cls, structure: Structure, diagonal: Array, lower: Array) -> Factor | None:
-        """The factor of the matrix with these blocks; None where it is not positive definite."""
+        """The factor of the matrix with blocks ``diagonal (K, 3, 3)`` and ``lower (n, 3, 3)``, in the order
+        of the factor; None where it is not positive definite."""
         from slam.graph.cholesky_kernels import factorise
 
         diagonal, lower = diagonal.copy(), lower.copy()
@@ -92,10 +96,10 @@ class Factor:
 
 
 def _order(pairs: np.ndarray, nodes: int) -> np.ndarray:
-    """Place of every node in an order of elimination that fills in little, SuperLU's minimum degree."""
+    """Place ``(K,)`` of every node in SuperLU's minimum-degree order of elimination."""
     i, j = pairs.T
-    every = np.arange(nodes)
-    rows, columns = np.concatenate([i, j, every]), np.concatenate([j, i, every])
+    diagonal = np.arange(nodes)
+    rows, columns = np.concatenate([i, j, diagonal]), np.concatenate([j, i, diagonal])
     ones = np.concatenate([np.full(2 * len(i), -1e-9), np.ones(nodes)])
     matrix = coo_array((ones, (rows, columns)), shape=(nodes, nodes)).tocsc()
     position: np.ndarray = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).perm_c

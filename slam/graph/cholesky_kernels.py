@@ -1,4 +1,5 @@
-"""Numba kernels of `slam.graph.cholesky`: a sparse Cholesky factor of 3 x 3 blocks and what it is good for.
+"""Numba kernels of `slam.graph.cholesky`: symbolic and numeric Cholesky factorisation of 3 x 3 blocks,
+solves, and the selected inverse (Davis, Direct Methods for Sparse Linear Systems, 2006).
 
 Nodes are numbered in the order of elimination. The factor's strictly lower blocks lie column by column: those
 of column k in ``starts[k]:starts[k + 1]``, their rows ascending in ``rows``. Row by row they are listed in
@@ -15,8 +16,10 @@ from slam.se2 import Array
 
 @njit(cache=True)
 def elimination_tree(starts: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Parent ``(K,)`` of every node, -1 for roots, from the columns each row has left of its diagonal
-    (Liu 1990)."""
+    """Elimination tree: parent ``(K,)`` of every node, -1 for roots (Liu 1990).
+
+    ``columns[starts[i]:starts[i + 1]]`` are the columns of row i left of its diagonal.
+    """
     n = len(starts) - 1
     parent, ancestor = np.full(n, -1), np.full(n, -1)
     for i in range(n):
@@ -33,7 +36,8 @@ def elimination_tree(starts: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def filled_rows(starts: np.ndarray, columns: np.ndarray, parent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each row's columns in the factor, not in order: what the tree has between its own and itself."""
+    """Column indices of every row of L, unsorted, as CSR: the row subtrees of the elimination tree
+    (Davis 2006, ch. 4)."""
     n = len(starts) - 1
     row_starts, seen = np.zeros(n + 1, dtype=np.int64), np.full(n, -1)
     for count in (True, False):
@@ -57,7 +61,7 @@ def filled_rows(starts: np.ndarray, columns: np.ndarray, parent: np.ndarray) -> 
 
 @njit(cache=True)
 def by_columns(row_starts: np.ndarray, row_columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """``starts`` and ``rows`` of the columns, and where in them each entry of the rows lies."""
+    """CSR to CSC: ``starts`` and ``rows`` of the columns, and the place in them of each entry of the rows."""
     n = len(row_starts) - 1
     starts = np.zeros(n + 1, dtype=np.int64)
     for k in row_columns:
@@ -91,9 +95,8 @@ def _subtract_product(out: Array, a: Array, b: Array) -> None:
 
 @njit(cache=True)
 def _subtract_column(lower: Array, where: np.ndarray, rows: np.ndarray, first: int, stop: int) -> None:
-    """What the blocks after ``first`` in its column take from the column of its row.
-
-    The factor's time is spent here: the nine numbers are kept, and no block is sliced.
+    """Cholesky column update: with L[j, k] the block at ``first``, subtract L[r, k] L[j, k]ᵀ from L[r, j] for
+    every later row r of column k. Unrolled by hand: the hot loop.
     """
     a, b, c = lower[first, 0, 0], lower[first, 0, 1], lower[first, 0, 2]
     d, e, f = lower[first, 1, 0], lower[first, 1, 1], lower[first, 1, 2]
@@ -152,10 +155,9 @@ def factorise(
     row_columns: np.ndarray,
     row_places: np.ndarray,
 ) -> bool:
-    """The factor of a matrix with blocks ``diagonal (K, 3, 3)`` and ``lower (n, 3, 3)``, in their place.
+    """Factor a matrix with blocks ``diagonal (K, 3, 3)`` and ``lower (n, 3, 3)`` in place, left-looking.
 
-    Column by column, each updated by those left of it that reach it. False where the matrix is not positive
-    definite.
+    False where the matrix is not positive definite.
     """
     where = np.empty(len(diagonal), dtype=np.int64)
     for j in range(len(diagonal)):
@@ -174,7 +176,7 @@ def factorise(
 
 @njit(cache=True)
 def solve(diagonal: Array, lower: Array, starts: np.ndarray, rows: np.ndarray, x: Array) -> None:
-    """Solution of the factored equations for right-hand sides ``x (K, 3, m)``, in their place."""
+    """Solve the factored equations for right-hand sides ``x (K, 3, m)`` in place."""
     n = len(diagonal)
     for j in range(n):
         _forward(diagonal[j], x[j])
@@ -196,7 +198,7 @@ def solve(diagonal: Array, lower: Array, starts: np.ndarray, rows: np.ndarray, x
 def inverse_blocks(diagonal: Array, lower: Array, starts: np.ndarray, rows: np.ndarray) -> Array:
     """Diagonal blocks ``(K, 3, 3)`` of the inverse of a factored matrix (Takahashi, Fagan & Chen 1973).
 
-    From the last column to the first, each by the inverse's blocks that lie where the factor has some.
+    From the last column to the first; only blocks of the inverse within the factor's pattern are needed.
     """
     n = len(diagonal)
     Z, Z_lower, where = np.empty((n, 3, 3)), np.zeros(lower.shape), np.full(n, -1)

@@ -1,4 +1,4 @@
-"""Numba kernels of `slam.graph.gauss_newton`: what a pose graph costs, and its normal equations."""
+"""Numba kernels of `slam.graph.gauss_newton`: the cost of a pose graph, and its normal equations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Steps = tuple[np.ndarray, Array, Array]
 """Nodes ``(W, 2)``, displacements ``(W, 2)`` and variances ``(W,)`` of an INS's steps in its world frame."""
 
 Pin = tuple[Array, Array]
-"""Where node 0 is held ``(3,)``, and the information ``(3,)`` of its axes."""
+"""Prior of node 0: its pose ``(3,)``, and the information ``(3,)`` of its axes."""
 
 
 @njit(cache=True)
@@ -101,30 +101,31 @@ def _add(a: Array, b: Array, information: Array, r: Array, out: Array, gradient:
 def _add_pair(
     i: int,
     j: int,
-    place: int,
+    block: int,
     A: Array,
     information: Array,
     r: Array,
     blocks: tuple[Array, Array],
     gradient: Array,
 ) -> None:
-    """What the residual ``r`` between nodes i and j adds, given its derivatives ``A (2, 3, 3)``."""
+    """Add the residual ``r`` between nodes i and j with its derivatives ``A (2, 3, 3)`` to the diagonal and
+    lower blocks and the gradient."""
     unused = np.zeros(3)
     _add(A[0], A[0], information, r, blocks[0][i], gradient[i])
     _add(A[1], A[1], information, r, blocks[0][j], gradient[j])
-    if place >= 0:
-        _add(A[0], A[1], information, r, blocks[1][place], unused)
+    if block >= 0:
+        _add(A[0], A[1], information, r, blocks[1][block], unused)
     else:
-        _add(A[1], A[0], information, r, blocks[1][-1 - place], unused)
+        _add(A[1], A[0], information, r, blocks[1][-1 - block], unused)
 
 
 @njit(cache=True)
 def normal_equations(
-    poses: Array, edges: Edges, steps: Steps, pin: Pin, places: np.ndarray, lower_blocks: int
+    poses: Array, edges: Edges, steps: Steps, pin: Pin, block_index: np.ndarray, lower_blocks: int
 ) -> tuple[Array, Array, Array]:
     """Diagonal blocks ``(K, 3, 3)``, lower blocks ``(lower_blocks, 3, 3)`` and gradient ``(K, 3)``.
 
-    ``places`` of the edges and then of the INS's steps, as `slam.graph.cholesky.Structure.places` has them.
+    ``block_index`` of the edges and then of the INS's steps is `slam.graph.cholesky.Structure.block_index`.
     """
     blocks = np.zeros((len(poses), 3, 3)), np.zeros((lower_blocks, 3, 3))
     gradient, A, r = np.zeros(poses.shape), np.zeros((2, 3, 3)), np.zeros(3)
@@ -141,7 +142,7 @@ def normal_equations(
             A[0, row, 1] = s * along - c * across
             A[0, row, 2] = x * across - y * along - turned
         weight = edges[3][e] / (1.0 + _squared(edges[2][e], r) / edges[4][e])
-        _add_pair(i, j, places[e], A, weight * edges[2][e], r, blocks, gradient)
+        _add_pair(i, j, block_index[e], A, weight * edges[2][e], r, blocks, gradient)
     A[:] = 0.0
     r[2] = 0.0
     for w in range(len(steps[2])):
@@ -152,7 +153,7 @@ def normal_equations(
             A[end, 0, 0], A[end, 0, 1], A[end, 1, 0], A[end, 1, 1] = sign * c, -sign * s, sign * s, sign * c
         r[:2] = poses[j, :2] - poses[i, :2] - steps[1][w]
         information = np.diag(np.array([1.0, 1.0, 0.0])) / steps[2][w]
-        _add_pair(i, j, places[len(edges[3]) + w], A, information, r, blocks, gradient)
+        _add_pair(i, j, block_index[len(edges[3]) + w], A, information, r, blocks, gradient)
     r = _residual(pin[0], poses[0, 0], poses[0, 1], poses[0, 2])
     for axis in range(3):
         blocks[0][0, axis, axis] += pin[1][axis]

@@ -1,4 +1,4 @@
-"""A pose graph that grows with the drive and is solved anew with every step (iSAM2, Kaess et al. 2012)."""
+"""A pose graph that grows with the drive, solved incrementally by gtsam's iSAM2 (Kaess et al. 2012)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from slam import se2
-from slam.graph.pose_graph import ANCHOR_SIGMAS, CAUCHY
+from slam.graph.pose_graph import anchor_factor, between_factor
 from slam.se2 import Array
 
 
 class IncrementalGraph:
     """Poses that are added one by one, and relative poses between them that may be taken away again.
 
-    What is added counts from the next `update` on. Node 0 is pinned at ``first (3,)``. A pose that moved by
+    What is added counts from the next `update` on. Node 0 is pinned at ``first (3,)``; a pose that moved by
     ``relinearise`` (m, rad) since it was linearised is linearised anew.
     """
 
@@ -29,17 +29,16 @@ class IncrementalGraph:
         self._isam = gtsam.ISAM2(parameters)
         self._count, self._edges = 0, 0
         self._slots: dict[int, int] = {}  # edge -> index of its factor in iSAM2
-        self._forget()
+        self._clear_pending()
         self.add_node(first)
-        anchor = gtsam.noiseModel.Diagonal.Sigmas(np.array(ANCHOR_SIGMAS))
-        self._add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*first), anchor))
+        self._add(anchor_factor(first))
         self.update()
 
     def __len__(self) -> int:
         return self._count
 
     def add_node(self, guess: Array) -> int:
-        """A new node near ``guess (3,)``; answers its index. It needs an edge before the next `update`."""
+        """A new node near ``guess (3,)``; returns its index. It needs an edge before the next `update`."""
         import gtsam
 
         self._values.insert(self._count, gtsam.Pose2(*guess))
@@ -47,17 +46,11 @@ class IncrementalGraph:
         self._count += 1
         return self._count - 1
 
-    def add_edge(self, i: int, j: int, T_ij: Array, information: Array, heavy: bool = False) -> int:
+    def add_edge(self, i: int, j: int, T_ij: Array, information: Array, heavy_tailed: bool = False) -> int:
         """Relative pose ``T_ij (3,)`` with ``information (3, 3)`` in the tangent of j, singular where it
-        says nothing; with a Cauchy kernel where its errors have ``heavy`` tails. Answers a number by which
-        `remove` knows the edge.
+        says nothing; with a Cauchy kernel if ``heavy_tailed``. Returns the edge's number for `remove`.
         """
-        import gtsam
-
-        noise: Any = gtsam.noiseModel.Gaussian.Information(0.5 * (information + information.T))
-        if heavy:
-            noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY), noise)
-        return self._add(gtsam.BetweenFactorPose2(int(i), int(j), gtsam.Pose2(*T_ij), noise))
+        return self._add(between_factor(int(i), int(j), T_ij, information, heavy_tailed))
 
     def add_world_step(self, i: int, j: int, displacement: Array, variance: float) -> int:
         """An INS's position increment in its world frame: ``t_j − t_i = displacement (2,)``, whatever the yaw
@@ -79,12 +72,12 @@ class IncrementalGraph:
         self._removed += [self._slots.pop(edge) for edge in edges]
 
     def update(self, rounds: int = 1) -> None:
-        """Let what was added and removed have its say; more ``rounds`` settle a loop that moves much."""
+        """Solve with what was added and removed; more ``rounds`` converge after a loop that moves much."""
         if not self._waiting and not self._removed and rounds == 1:
             return
         result = self._isam.update(self._factors, self._values, self._removed)
         self._slots |= dict(zip(self._waiting, result.getNewFactorsIndices(), strict=True))
-        self._forget()
+        self._clear_pending()
         for _ in range(rounds - 1):
             self._isam.update()
 
@@ -126,8 +119,8 @@ class IncrementalGraph:
         self._edges += 1
         return self._edges - 1
 
-    def _forget(self) -> None:
-        """What waits for the next update: nothing."""
+    def _clear_pending(self) -> None:
+        """Nothing waits for the next update."""
         import gtsam
 
         self._factors, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()

@@ -1,4 +1,4 @@
-"""How well a pose graph knows where one of its poses lies as seen from another."""
+"""Covariances of a pose graph's nodes, from the Cholesky factor of its normal matrix."""
 
 from __future__ import annotations
 
@@ -6,7 +6,19 @@ import numpy as np
 
 from slam import se2
 from slam.graph.cholesky import Factor
+from slam.graph.gauss_newton import Problem
+from slam.graph.pose_graph import PoseGraph, Solution
 from slam.se2 import Array
+
+
+def marginals(graph: PoseGraph, solution: Solution) -> Array:
+    """Covariances ``(K, 3, 3)`` in the body frame at a solution, without the loops it switched off.
+
+    Raises ``ValueError`` where the edges leave a pose undetermined.
+    """
+    trusted = graph.with_only(solution.weights > 0.5)
+    factor, _ = Problem.of(trusted).factor(solution.poses, np.ones(len(trusted.edges)))
+    return factor.inverse_blocks()
 
 
 def relative_covariance(

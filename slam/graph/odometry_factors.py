@@ -66,7 +66,7 @@ def odometry_graph(
         T_ij=np.concatenate([se2.between(track.poses[i], track.poses[j]), dead_reckoned.T_ij]),
         information=information,
         loop=np.zeros(2 * len(pairs), dtype=bool),
-        heavy=np.concatenate([np.zeros(len(pairs), dtype=bool), dead_reckoned.heavy]),
+        heavy_tailed=np.concatenate([np.zeros(len(pairs), dtype=bool), dead_reckoned.heavy_tailed]),
     )
 
 
@@ -89,7 +89,7 @@ def dead_reckoning_graph(
         T_ij=se2.between(at_rows[:-1], at_rows[1:]),
         information=_dead_reckoning_information(reckoning, rows, config),
         world_steps=_world_steps(reckoning, rows, pairs) if reckoning.in_world else None,
-        heavy=np.full(len(pairs), reckoning.in_world),
+        heavy_tailed=np.full(len(pairs), reckoning.in_world),
     )
 
 

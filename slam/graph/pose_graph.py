@@ -1,8 +1,9 @@
-"""The pose graph: nodes, relative poses between them, robust optimisation in gtsam."""
+"""The pose graph: nodes, relative poses between them, and their batch optimisation by gtsam."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from slam import se2
 from slam.se2 import Array
 
-Loss = Literal["gnc", "dcs", "none"]
+Loss = Literal["gnc", "none"]
 
 ANCHOR_SIGMAS = (1e-3, 1e-3, 1e-4)
 """Standard deviations (m, m, rad) of the prior that pins node 0."""
@@ -22,10 +23,34 @@ SETTLED = 1e-3
 """Largest change of a pose (m, rad) at which such rounds end."""
 
 CAUCHY = 2.385
-"""Standard deviations at which an edge with heavy tails counts half (95 % efficient where it has none)."""
+"""Scale, in standard deviations, of the Cauchy kernel of heavy-tailed edges: 95 % efficient on Gaussian
+errors."""
 
-INLIER_PROBABILITY = 0.99
-"""A loop whose χ² lies beyond this quantile is an outlier to graduated non-convexity."""
+
+@dataclass(frozen=True)
+class GncConfig:
+    """Graduated non-convexity over the loops of a graph (Yang et al. 2020); gtsam reads the first only."""
+
+    inlier_probability: float = 0.99
+    """Quantile of χ²₃ beyond which a loop is an outlier."""
+    first_mu: float = 0.1
+    """Largest μ of the first round, where a loop counts by its error and not by its square. Beginning at the
+    μ of the worst loop, as gtsam does, ends at higher costs where the plain least squares hide false loops by
+    bending the graph."""
+    growth: float = 1.4
+    """Factor on μ from one round to the next, as in gtsam."""
+    rounds: int = 100
+    """Most rounds, as in gtsam."""
+
+    @cached_property
+    def limit(self) -> float:
+        """χ² beyond which a loop is an outlier."""
+        from scipy.stats import chi2
+
+        return float(chi2.ppf(self.inlier_probability, 3))
+
+
+DEFAULT_GNC = GncConfig()
 
 
 def _none() -> np.ndarray:
@@ -51,8 +76,9 @@ class PoseGraph:
 
     ``edges (E, 2)`` indices i, j into ``poses``; ``T_ij (E, 3)``; ``information (E, 3, 3)`` in the
     tangent of j, positive semi-definite, singular where a direction is unknown; ``loop (E,)`` True for
-    the edges that may be false (default: none); ``heavy (E,)`` True for those whose errors have heavy tails
-    (default: none), which count with a Cauchy kernel; ``world_steps`` an INS's position increments, or None.
+    the edges that may be false (default: none); ``heavy_tailed (E,)`` True for those that count with a Cauchy
+    kernel (default: none); ``world_steps`` an INS's position increments, or None. Raises ``ValueError`` when
+    marks are not as many as edges.
     """
 
     poses: Array
@@ -61,10 +87,10 @@ class PoseGraph:
     information: Array
     loop: np.ndarray = field(default_factory=_none)
     world_steps: WorldSteps | None = None
-    heavy: np.ndarray = field(default_factory=_none)
+    heavy_tailed: np.ndarray = field(default_factory=_none)
 
     def __post_init__(self) -> None:
-        for marks in ("loop", "heavy"):
+        for marks in ("loop", "heavy_tailed"):
             marked = getattr(self, marks)
             if marked.size == len(self.edges):
                 continue
@@ -82,7 +108,7 @@ class PoseGraph:
             T_ij=np.concatenate([self.T_ij, np.reshape(T_ij, (-1, 3))]),
             information=np.concatenate([self.information, np.reshape(information, (-1, 3, 3))]),
             loop=np.concatenate([self.loop, np.ones(len(edges), dtype=bool)]),
-            heavy=np.concatenate([self.heavy, np.zeros(len(edges), dtype=bool)]),
+            heavy_tailed=np.concatenate([self.heavy_tailed, np.zeros(len(edges), dtype=bool)]),
         )
 
     def with_only(self, loops: np.ndarray) -> PoseGraph:
@@ -95,7 +121,7 @@ class PoseGraph:
             T_ij=self.T_ij[kept],
             information=self.information[kept],
             loop=self.loop[kept],
-            heavy=self.heavy[kept],
+            heavy_tailed=self.heavy_tailed[kept],
         )
 
 
@@ -109,20 +135,25 @@ class Solution:
     weights: Array
 
 
-def optimise(graph: PoseGraph, loss: Loss = "gnc", relinearisations: int = RELINEARISATIONS) -> Solution:
-    """Most likely poses of the graph, robust against false loops.
+def optimise(
+    graph: PoseGraph,
+    loss: Loss = "gnc",
+    relinearisations: int = RELINEARISATIONS,
+    gnc: GncConfig = DEFAULT_GNC,
+) -> Solution:
+    """Most likely poses of the graph by gtsam's Levenberg-Marquardt, robust against false loops.
 
     ``gnc``: graduated non-convexity with truncated least squares (Yang et al. 2020) over the loops, all
-    other edges known inliers; ``dcs``: dynamic covariance scaling (Agarwal et al. 2013); ``none``: plain
-    least squares. An INS's steps are linearised anew up to ``relinearisations`` times. Raises
-    ``ValueError`` when an edge's information is not positive semi-definite, which gtsam would accept.
+    other edges known inliers; ``none``: plain least squares. An INS's steps are linearised anew up to
+    ``relinearisations`` times. Raises ``ValueError`` when an edge's information is not positive
+    semi-definite, which gtsam would accept.
     """
     _check_information(graph)
     poses: Array = graph.poses
     weights: Array = np.ones(int(graph.loop.sum()))
     for _ in range(relinearisations):
         before = poses
-        poses, weights = _solve(replace(graph, poses=before), loss)
+        poses, weights = _solve(replace(graph, poses=before), loss, gnc)
         change = se2.between(before, poses)
         if graph.world_steps is None or np.max(np.abs(change)) < SETTLED:
             break
@@ -160,52 +191,63 @@ def _refuse(edges: np.ndarray, bad: np.ndarray, what: str, expected: str) -> Non
         raise ValueError(f"pose graph: the {what} of edge {i}-{j} is not {expected}")
 
 
-def _solve(graph: PoseGraph, loss: Loss) -> tuple[Array, Array]:
+def _solve(graph: PoseGraph, loss: Loss, gnc: GncConfig) -> tuple[Array, Array]:
     """Poses and loop weights, with the INS's steps linearised at the graph's own poses."""
     import gtsam
 
-    factors, initial = _factors(graph, loss), _initial(graph.poses)
+    factors, initial = to_gtsam(graph)
     loops = np.flatnonzero(graph.loop)
-    if loss == "gnc" and len(loops):
-        values, weights = _solve_gnc(factors, initial, loops)
-        return _poses(values), weights
-    poses = _poses(gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize())
-    return poses, _dcs_weights(graph, poses) if loss == "dcs" else np.ones(len(loops))
-
-
-def _solve_gnc(factors: Any, initial: Any, loops: np.ndarray) -> tuple[Any, Array]:
-    import gtsam
-
+    if loss == "none" or not len(loops):
+        return _poses(gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()), np.ones(len(loops))
     parameters = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
     parameters.setLossType(gtsam.GncLossType.TLS)
     parameters.setAllowNonNoiseModelFactors(True)
     doubted = set(loops.tolist())
     parameters.setKnownInliers([f for f in range(factors.size()) if f not in doubted])
     optimizer = gtsam.GncLMOptimizer(factors, initial, parameters)
-    optimizer.setInlierCostThresholdsAtProbability(INLIER_PROBABILITY)
-    values = optimizer.optimize()
-    return values, np.asarray(optimizer.getWeights())[loops]
+    optimizer.setInlierCostThresholdsAtProbability(gnc.inlier_probability)
+    poses = _poses(optimizer.optimize())
+    return poses, np.asarray(optimizer.getWeights())[loops]
 
 
-def _factors(graph: PoseGraph, loss: Loss) -> Any:
-    """Edge e of the graph is factor e; the prior and the INS's steps follow."""
+def to_gtsam(graph: PoseGraph) -> tuple[Any, Any]:
+    """gtsam's ``NonlinearFactorGraph`` and ``Values`` of a graph, loops counting fully.
+
+    Edge e of the graph is factor e; the prior of node 0 and the INS's steps follow.
+    """
     import gtsam
 
     factors = gtsam.NonlinearFactorGraph()
-    for (i, j), T, information, loop, heavy in zip(
-        graph.edges, graph.T_ij, graph.information, graph.loop, graph.heavy, strict=True
+    for (i, j), T, information, heavy_tailed in zip(
+        graph.edges, graph.T_ij, graph.information, graph.heavy_tailed, strict=True
     ):
-        noise: Any = gtsam.noiseModel.Gaussian.Information(0.5 * (information + information.T))
-        if loop and loss == "dcs":
-            noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.DCS.Create(1.0), noise)
-        if heavy:
-            noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY), noise)
-        factors.add(gtsam.BetweenFactorPose2(int(i), int(j), gtsam.Pose2(*T), noise))
-    anchor = gtsam.noiseModel.Diagonal.Sigmas(np.array(ANCHOR_SIGMAS))
-    factors.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*graph.poses[0]), anchor))
+        factors.add(between_factor(int(i), int(j), T, information, heavy_tailed))
+    factors.add(anchor_factor(graph.poses[0]))
     if graph.world_steps is not None:
         _add_world_steps(factors, graph.world_steps, graph.poses)
-    return factors
+    values = gtsam.Values()
+    for k, pose in enumerate(graph.poses):
+        values.insert(k, gtsam.Pose2(*pose))
+    return factors, values
+
+
+def between_factor(i: int, j: int, T_ij: Array, information: Array, heavy_tailed: bool) -> Any:
+    """gtsam's factor of a relative pose ``(3,)`` with its information ``(3, 3)``, with a Cauchy kernel if
+    ``heavy_tailed``."""
+    import gtsam
+
+    noise: Any = gtsam.noiseModel.Gaussian.Information(0.5 * (information + information.T))
+    if heavy_tailed:
+        noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(CAUCHY), noise)
+    return gtsam.BetweenFactorPose2(i, j, gtsam.Pose2(*T_ij), noise)
+
+
+def anchor_factor(pose: Array) -> Any:
+    """gtsam's prior that pins node 0 at ``pose (3,)``."""
+    import gtsam
+
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array(ANCHOR_SIGMAS))
+    return gtsam.PriorFactorPose2(0, gtsam.Pose2(*pose), noise)
 
 
 def _add_world_steps(factors: Any, steps: WorldSteps, poses: Array) -> None:
@@ -227,43 +269,11 @@ def _add_world_steps(factors: Any, steps: WorldSteps, poses: Array) -> None:
         factors.add(gtsam.LinearContainerFactor(row, at))
 
 
-def _initial(poses: Array) -> Any:
-    import gtsam
-
-    values = gtsam.Values()
-    for k, pose in enumerate(poses):
-        values.insert(k, gtsam.Pose2(*pose))
-    return values
-
-
 def chi_squared(graph: PoseGraph, poses: Array) -> Array:
     """Squared normalised residual ``(E,)`` of every edge at ``poses (K, 3)``."""
     i, j = graph.edges.T
     residual = se2.log(se2.between(graph.T_ij, se2.between(poses[i], poses[j])))
     return np.einsum("ea,eab,eb->e", residual, graph.information, residual)
-
-
-def _dcs_weights(graph: PoseGraph, poses: Array) -> Array:
-    """s² of dynamic covariance scaling, s = min(1, 2Φ / (Φ + χ²)) with Φ = 1, of the loops."""
-    return np.minimum(1.0, 2.0 / (1.0 + chi_squared(graph, poses)[graph.loop])) ** 2
-
-
-def marginals(graph: PoseGraph, solution: Solution) -> Array:
-    """Covariances ``(K, 3, 3)`` in the body frame at a solution, without the loops it switched off."""
-    from slam.graph.gauss_newton import Problem
-
-    trusted = graph.with_only(solution.weights > 0.5)
-    factor, _ = Problem.of(trusted).factor(solution.poses, np.ones(len(trusted.edges)))
-    return factor.inverse_blocks()
-
-
-def joint_covariance(graph: PoseGraph) -> Array:
-    """Covariance ``(3K, 3K)`` of all poses together at the graph's own, in their body frames.
-
-    All edges count, loops too. Dense: for graphs of up to some thousand nodes.
-    """
-    hessian, _ = _factors(graph, "none").linearize(_initial(graph.poses)).hessian()
-    return np.linalg.inv(hessian)
 
 
 def _poses(values: Any) -> Array:

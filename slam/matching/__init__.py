@@ -1,8 +1,7 @@
-"""Scan matching: the Weighted Scan Matcher, its point-to-line form, and the ICP baselines."""
+"""Scan matching: the Weighted Scan Matcher, its point-to-line form, ICP, and whatever is registered."""
 
-from slam.matching.bias import Bias
 from slam.matching.config import RAW_WSM, MatchConfig
-from slam.matching.match import match
+from slam.matching.match import Bias, match
 from slam.matching.reference import LocalMap, Reference
 from slam.matching.registry import MATCHERS
 from slam.matching.result import Match, NoMatch

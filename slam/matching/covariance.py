@@ -1,19 +1,17 @@
-"""The information of a match, three ways: from normals alone, from all of W, and as Pfister's block form."""
+"""How sure a match is, three ways (from normals alone, from all of W, and as Pfister's block form), and
+how far its pairs are apart."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-from slam.matching.kernels import SIDE_COSINE, WSM, pair_covariance, pair_weight
-from slam.matching.symmetric import eigh3
-
-LEAST_INFORMATION = 1.0
-"""Floor of the eigenvalues of the information: no direction is ever claimed worse than 1 m or 1 rad."""
+from slam.matching.config import WSM
+from slam.matching.kernels import eigh3, pair_covariance, pair_weight
 
 
 @njit(cache=True)
-def point_to_line_information(reference, scan, pairs, pose, robust):
+def point_to_line_information(reference, scan, pairs, pose, robust, same_side):
     """Information (3, 3) that wall normals alone carry, less what their own noise fabricates.
 
     Λ = Σ f_nᵀf_n / v − Σ σ_tan² f_tᵀf_t / v with v = nᵀ P n: closed-form covariances that ignore re-matching
@@ -31,7 +29,7 @@ def point_to_line_information(reference, scan, pairs, pose, robust):
         nx, ny = normals[j]
         mx = c * scan_normals[i, 0] - s * scan_normals[i, 1]
         my = s * scan_normals[i, 0] + c * scan_normals[i, 1]
-        if not nx * mx + ny * my > SIDE_COSINE:
+        if not nx * mx + ny * my > same_side:
             continue
         rx = c * scan_points[i, 0] - s * scan_points[i, 1]
         ry = s * scan_points[i, 0] + c * scan_points[i, 1]
@@ -68,7 +66,7 @@ def pfister_block(reference, scan, pairs, pose):
         if j < 0:
             continue
         pair = pair_covariance(covariance[j], scan_covariance[i], c, s)
-        xx, xy, yy = pair_weight(WSM, normals[j], scan_normals[i], pair, c, s, 1.0, True)
+        xx, xy, yy = pair_weight(WSM, normals[j], scan_normals[i], pair, c, s, 1.0, True, 0.0)
         W = np.array([[xx, xy], [xy, yy]])
         h = np.array(
             [-s * scan_points[i, 0] - c * scan_points[i, 1], c * scan_points[i, 0] - s * scan_points[i, 1]]
@@ -99,27 +97,52 @@ def pfister_block(reference, scan, pairs, pose):
 
 
 @njit(cache=True)
-def floored_inverse(information):
-    """Λ⁻¹ with the eigenvalues of Λ floored, so that it is positive definite and at most 1 m or 1 rad."""
+def floored_inverse(information, least):
+    """Λ⁻¹ with the eigenvalues of Λ floored at ``least``, so that it is positive definite and bounded."""
     values, vectors = eigh3(information)
-    return (vectors / np.maximum(values, LEAST_INFORMATION)) @ vectors.T
+    return (vectors / np.maximum(values, least)) @ vectors.T
 
 
 @njit(cache=True)
-def body_covariance(mode, reference, scan, pairs, pose, information, prior, spread, robust, length):
+def body_covariance(mode, reference, scan, pairs, pose, information, prior, spread, settings):
     """Covariance (3, 3) in the body frame of the scan, and the eigenvalues (3,) of the information it is
-    made of, with yaw scaled by ``length`` m.
+    made of, with yaw scaled by ``settings.length`` m.
 
-    ``mode`` counts `slam.matching.config.CovarianceMode`; ``information`` is the last Λ of the descent,
-    ``prior`` what was known before, ``spread`` that of other answers; all of additive errors.
+    ``mode`` is an index of `slam.matching.config.COVARIANCE_MODES`; ``information`` is the last Λ of the
+    descent, ``prior`` what was known before, ``spread`` that of other answers; all of additive errors.
     """
     if mode == 0:
-        information = point_to_line_information(reference, scan, pairs, pose, robust)
-    covariance = floored_inverse(information + prior)
+        information = point_to_line_information(
+            reference, scan, pairs, pose, settings.robust, settings.same_side
+        )
+    covariance = floored_inverse(information + prior, settings.least_information)
     if mode == 2:
         covariance = pfister_block(reference, scan, pairs, pose)
     c, s = np.cos(pose[2]), np.sin(pose[2])
     to_body = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    scale = np.array([1.0, 1.0, 1.0 / length])
+    scale = np.array([1.0, 1.0, 1.0 / settings.length])
     values, _ = eigh3((information + prior) * np.outer(scale, scale))
     return to_body @ (covariance + spread) @ to_body.T, values
+
+
+@njit(cache=True)
+def residual_quantile(reference, scan, pairs, pose, share):
+    """Distance [m] that a ``share`` of the pairs does not exceed; NaN without pairs.
+
+    ``reference`` and ``scan`` are clouds, ``pairs (n,)`` the row of the reference's point for each point of
+    the scan, -1 for none. Of k pairs it is the ⌈share·k⌉-th smallest distance.
+    """
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    distances = np.empty(len(pairs))
+    count = 0
+    for i in range(len(pairs)):
+        j = pairs[i]
+        if j < 0:
+            continue
+        x = c * scan[0][i, 0] - s * scan[0][i, 1] + pose[0]
+        y = s * scan[0][i, 0] + c * scan[0][i, 1] + pose[1]
+        distances[count] = np.hypot(reference[0][j, 0] - x, reference[0][j, 1] - y)
+        count += 1
+    if count == 0:
+        return np.nan
+    return np.sort(distances[:count])[max(int(np.ceil(share * count)) - 1, 0)]

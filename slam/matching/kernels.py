@@ -1,10 +1,11 @@
-"""The Gauss–Newton loop shared by the Weighted Scan Matcher and the ICP baselines.
+"""Numba kernels of the matchers wsm, icp and plicp: pairs, their weights, and the two ways to descend.
 
 Frames: reference points p1 and pose ``(t, φ)`` of the scan in the reference frame; e = p1 − (R p2 + t),
-H = [I | J R p2], Λ = Σ Hᵀ W H, (δt, δφ) = Λ⁻¹ Σ Hᵀ W e. The methods differ in the pair weight W only.
+H = [I | J R p2], Λ = Σ Hᵀ W H, (δt, δφ) = Λ⁻¹ Σ Hᵀ W e. The matchers differ in the pair weight W only.
 
 A *cloud* is a tuple (points (n, 2), normals (n, 2), covariance (n, 2, 2), tangent_sigma (n,)), an *indexed*
-cloud is a tuple (cloud, lattice) with the lattice of `slam.matching.neighbours`.
+cloud is a tuple (cloud, lattice) with the lattice of `slam.matching.neighbours`. ``settings`` are the
+`slam.matching.config.KernelSettings`.
 """
 
 from __future__ import annotations
@@ -12,19 +13,44 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from slam.matching.config import DEFAULT, ICP, PLICP, WSM
 from slam.matching.neighbours import nearest
-from slam.matching.symmetric import eigh3
 
-WSM, ICP, PLICP = 0, 1, 2
-"""Pair weight: inverse of both points' covariances (Pfister 2002), constant, along the reference's normal."""
+SWEEPS = 12
+"""More than enough: Jacobi rotations converge quadratically, and five do for three rows."""
 
-STILL, SETTLED, ROUGH = 1e-4, 5e-3, 2e-2
-"""Largest step [m, rad] at which iterating stops, at which a pose that still flickers between two sets of
-pairs counts as converged, and at which a coarse level gives way to the next."""
+LAST_ERRORS, SAME_ERROR, REPEATS = 10, 0.01, 8
+"""When UsarCommander's alternation ends: an error is within 1 % of one of the last ten, for the eighth
+time."""
 
-SIDE_COSINE = 0.7
-"""Two surfaces whose oriented normals differ by more than 45° are not the same (both faces of a thin
-wall)."""
+
+@njit(cache=True)
+def eigh3(matrix):
+    """Eigenvalues ``(3,)`` ascending and eigenvectors in the columns of ``(3, 3)`` (cyclic Jacobi)."""
+    a, vectors = 0.5 * (matrix + matrix.T), np.eye(3)
+    for _ in range(SWEEPS):
+        off = a[0, 1] ** 2 + a[0, 2] ** 2 + a[1, 2] ** 2
+        if off <= 1e-30 * (a[0, 0] ** 2 + a[1, 1] ** 2 + a[2, 2] ** 2):
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if a[p, q] == 0.0:
+                    continue
+                tau = (a[q, q] - a[p, p]) / (2.0 * a[p, q])
+                t = (1.0 if tau >= 0.0 else -1.0) / (abs(tau) + np.sqrt(1.0 + tau * tau))
+                c = 1.0 / np.sqrt(1.0 + t * t)
+                s = t * c
+                for k in range(3):
+                    a[k, p], a[k, q] = c * a[k, p] - s * a[k, q], s * a[k, p] + c * a[k, q]
+                for k in range(3):
+                    a[p, k], a[q, k] = c * a[p, k] - s * a[q, k], s * a[p, k] + c * a[q, k]
+                for k in range(3):
+                    vectors[k, p], vectors[k, q] = (
+                        c * vectors[k, p] - s * vectors[k, q],
+                        s * vectors[k, p] + c * vectors[k, q],
+                    )
+    order = np.argsort(np.diag(a))
+    return np.diag(a)[order], vectors[:, order]
 
 
 @njit(cache=True)
@@ -62,7 +88,7 @@ def pair_covariance(first, second, c, s):
 
 
 @njit(cache=True)
-def pair_weight(method, normal, scan_normal, covariance, c, s, sigma, oriented):
+def pair_weight(method, normal, scan_normal, covariance, c, s, sigma, oriented, same_side):
     """Pair weight W as (xx, xy, yy); zero when the pair does not count."""
     if method == ICP:
         return 1.0 / sigma**2, 0.0, 1.0 / sigma**2
@@ -72,14 +98,14 @@ def pair_weight(method, normal, scan_normal, covariance, c, s, sigma, oriented):
         return yy / determinant, -xy / determinant, xx / determinant
     nx, ny = normal
     facing = nx * (c * scan_normal[0] - s * scan_normal[1]) + ny * (s * scan_normal[0] + c * scan_normal[1])
-    if not (facing if oriented else abs(facing)) > SIDE_COSINE:
+    if not (facing if oriented else abs(facing)) > same_side:
         return 0.0, 0.0, 0.0
     variance = nx * nx * xx + 2.0 * nx * ny * xy + ny * ny * yy
     return nx * nx / variance, nx * ny / variance, ny * ny / variance
 
 
 @njit(cache=True)
-def normal_equations(method, reference, scan, pairs, pose, sigma, robust, oriented):
+def normal_equations(method, reference, scan, pairs, pose, sigma, robust, oriented, same_side):
     """Information Λ (3, 3), gradient (3,), pairs used, Σ robust eᵀWe and Σ weights at one pose.
 
     ``reference`` and ``scan`` are clouds. A pair's weight is scaled by 1 / (1 + χ²/robust) (Cauchy);
@@ -97,7 +123,7 @@ def normal_equations(method, reference, scan, pairs, pose, sigma, robust, orient
         rx = c * scan_points[i, 0] - s * scan_points[i, 1]
         ry = s * scan_points[i, 0] + c * scan_points[i, 1]
         pair = pair_covariance(covariance[j], scan_covariance[i], c, s)
-        xx, xy, yy = pair_weight(method, normals[j], scan_normals[i], pair, c, s, sigma, oriented)
+        xx, xy, yy = pair_weight(method, normals[j], scan_normals[i], pair, c, s, sigma, oriented, same_side)
         if xx + yy <= 0.0:
             continue
         ex, ey = points[j, 0] - rx - pose[0], points[j, 1] - ry - pose[1]
@@ -156,16 +182,15 @@ def solve_good_directions(information, gradient, length, ratio):
 
 
 @njit(cache=True)
-def descend(method, reference, scan, start, guess, prior, descent, levels, pairs):
+def descend(method, reference, scan, start, guess, prior, settings, levels, pairs):
     """Pose (3,), Λ (3, 3) with weak directions faded, pairs used, cost, iterations, converged.
 
     ``reference`` and ``scan`` are indexed clouds; ``prior (3, 3)`` is information about ``guess`` (zeros for
-    none), which need not be where the descent starts; ``descent`` and ``levels (L, 2)`` are those of
+    none), which need not be where the descent starts; ``levels (L, 2)`` as in
     `slam.matching.config.MatchConfig`; ``pairs (n,)`` starts as hints and ends as the last pairs. The
     Weighted Scan Matcher weighs along the normal only until its last level: points that are far apart say
     little about the way along a wall.
     """
-    sigma, robust, mutual, length, fade, ratio, most, oriented = descent
     pose = start.copy()
     iterations, converged = 0, False
     information, gradient = np.zeros((3, 3)), np.zeros(3)
@@ -173,39 +198,137 @@ def descend(method, reference, scan, start, guess, prior, descent, levels, pairs
     for level in range(len(levels)):
         last = level == len(levels) - 1
         weighing = PLICP if method == WSM and not last else method
-        for _ in range(most):
-            correspondences(
-                reference, scan, pose, levels[level, 0], mutual and last, int(levels[level, 1]), pairs
-            )
+        mutual, stride = settings.mutual and last, int(levels[level, 1])
+        for _ in range(settings.most_iterations):
+            correspondences(reference, scan, pose, levels[level, 0], mutual, stride, pairs)
             information, gradient, used, cost, total = normal_equations(
-                weighing, reference[0], scan[0], pairs, pose, sigma, robust, oriented
-            )
+                weighing, reference[0], scan[0], pairs, pose,
+                settings.sigma, settings.robust, settings.oriented, settings.same_side,
+            )  # fmt: skip
             if used == 0:
                 converged = False
                 break
-            if fade > 0.0:
-                information, gradient = fade_weak(information, gradient, total, length, fade)
+            if settings.fade > 0.0:
+                information, gradient = fade_weak(
+                    information, gradient, total, settings.length, settings.fade
+                )
             step = solve_good_directions(
-                information + prior, gradient + prior @ (guess - pose), length, ratio
+                information + prior, gradient + prior @ (guess - pose), settings.length, settings.freeze_ratio
             )
             pose += step
             iterations += 1
             moved = max(np.hypot(step[0], step[1]), abs(step[2]))
-            converged = moved < SETTLED
-            if moved < (STILL if last else ROUGH):
+            converged = moved < settings.converged_step
+            if moved < (settings.last_step if last else settings.coarse_step):
                 break
     return pose, information, used, cost, iterations, converged
 
 
 @njit(cache=True)
-def linearise_pairs(cloud, offsets, lattice, pairs, guesses, radius, robust, fade, length):
+def displacement(method, reference, scan, pairs, pose, settings):
+    """Excess translation T (2,) and centre of rotation c (2,), both in the reference frame.
+
+    T = (ΣW)⁻¹ ΣW(p2 − p1) and c = (2ΣJᵀWJ)⁻¹ ΣJᵀWJ(p1 + p2), where JᵀWJ is W's adjugate.
+    """
+    points, normals, covariance, _ = reference
+    scan_points, scan_normals, scan_covariance, _ = scan
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    A, excess, middle = np.zeros((2, 2)), np.zeros(2), np.zeros(2)
+    for i in range(len(pairs)):
+        j = pairs[i]
+        if j < 0:
+            continue
+        pair = pair_covariance(covariance[j], scan_covariance[i], cos, sin)
+        xx, xy, yy = pair_weight(
+            method, normals[j], scan_normals[i], pair, cos, sin,
+            settings.sigma, settings.oriented, settings.same_side,
+        )  # fmt: skip
+        x = cos * scan_points[i, 0] - sin * scan_points[i, 1] + pose[0]
+        y = sin * scan_points[i, 0] + cos * scan_points[i, 1] + pose[1]
+        ex, ey = x - points[j, 0], y - points[j, 1]
+        mx, my = 0.5 * (x + points[j, 0]), 0.5 * (y + points[j, 1])
+        A[0, 0] += xx
+        A[0, 1] += xy
+        A[1, 1] += yy
+        excess[0] += xx * ex + xy * ey
+        excess[1] += xy * ex + yy * ey
+        middle[0] += yy * mx - xy * my
+        middle[1] += xx * my - xy * mx
+    A[1, 0] = A[0, 1]
+    adjugate = np.array([[A[1, 1], -A[0, 1]], [-A[0, 1], A[0, 0]]])
+    return np.linalg.solve(A, excess), np.linalg.solve(adjugate, middle)
+
+
+@njit(cache=True)
+def rotation_about(method, reference, scan, pairs, pose, settings, excess, centre):
+    """Rotation δφ of the scan about the centre that goes with the translation."""
+    points, normals, covariance, _ = reference
+    scan_points, scan_normals, scan_covariance, _ = scan
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    above, below = 0.0, 0.0
+    for i in range(len(pairs)):
+        j = pairs[i]
+        if j < 0:
+            continue
+        pair = pair_covariance(covariance[j], scan_covariance[i], cos, sin)
+        xx, xy, yy = pair_weight(
+            method, normals[j], scan_normals[i], pair, cos, sin,
+            settings.sigma, settings.oriented, settings.same_side,
+        )  # fmt: skip
+        qx = cos * scan_points[i, 0] - sin * scan_points[i, 1] + pose[0] - excess[0] - centre[0]
+        qy = sin * scan_points[i, 0] + cos * scan_points[i, 1] + pose[1] - excess[1] - centre[1]
+        dx, dy = qx - (points[j, 0] - centre[0]), qy - (points[j, 1] - centre[1])
+        above += dx * (-xx * qy + xy * qx) + dy * (-xy * qy + yy * qx)
+        below += dx * (xx * qx + xy * qy) + dy * (xy * qx + yy * qy)
+        below -= xx * qy * qy - 2.0 * xy * qx * qy + yy * qx * qx
+    return above / below if below != 0.0 else 0.0
+
+
+@njit(cache=True)
+def alternate(method, reference, scan, guess, settings, radius, pairs):
+    """Pose (3,), Λ (3, 3), pairs used, cost, iterations, converged, as `descend` does.
+
+    Pfister's alternating solution of the weighted cost (2002) as UsarCommander iterates it: translation about
+    a centre, then rotation about it, from new neighbours within ``radius`` m each time.
+    """
+    pose = guess.copy()
+    errors = np.full(LAST_ERRORS, np.inf)
+    alike, iterations = 0, 0
+    while True:
+        correspondences(reference, scan, pose, radius, settings.mutual, 1, pairs)
+        information, _, used, cost, _ = normal_equations(
+            method, reference[0], scan[0], pairs, pose,
+            settings.sigma, settings.robust, settings.oriented, settings.same_side,
+        )  # fmt: skip
+        if used < 2:
+            return pose, information, used, cost, iterations, False
+        for error in errors:
+            if abs(cost - error) <= SAME_ERROR * cost:
+                alike += 1
+                break
+        if alike >= REPEATS or iterations >= settings.most_iterations:
+            return pose, information, used, cost, iterations, iterations < settings.most_iterations
+        errors[iterations % LAST_ERRORS] = cost
+        excess, centre = displacement(method, reference[0], scan[0], pairs, pose, settings)
+        turn = rotation_about(method, reference[0], scan[0], pairs, pose, settings, excess, centre)
+        c, s = np.cos(turn), np.sin(turn)
+        x, y = pose[0] - excess[0] - centre[0], pose[1] - excess[1] - centre[1]
+        pose = np.array([c * x - s * y + centre[0], s * x + c * y + centre[1], pose[2] + turn])
+        iterations += 1
+
+
+@njit(cache=True)
+def linearise_pairs(
+    cloud, offsets, lattice, pairs, guesses, radius, robust, fade, length,
+    same_side=DEFAULT.same_side, freeze_ratio=DEFAULT.freeze_ratio,
+):  # fmt: skip
     """One Gauss–Newton step, point to line, for each of many pairs of scans packed into one cloud.
 
     ``cloud`` holds all scans, scan k in rows ``offsets[k]:offsets[k+1]``; ``lattice`` is (cell, heads (K,
     side, side), following) of their lattices. ``pairs (P, 2)`` reference and scan, ``guesses (P, 3)``.
     Returns the relative poses after the step ``(P, 3)``, the information in the reference's frame ``(P, 3,
-    3)`` with weak directions faded, the pairs of points ``(P,)`` and their mean robust χ² ``(P,)``, NaN
-    without any.
+    3)`` with weak directions faded, the numbers of paired points ``(P,)`` and their mean robust χ² ``(P,)``,
+    NaN without any.
     """
     points, normals, covariance, tangent_sigma = cloud
     cell, heads, following = lattice
@@ -223,13 +346,32 @@ def linearise_pairs(cloud, offsets, lattice, pairs, guesses, radius, robust, fad
         matched = np.full(d - c, -1, np.int64)
         correspondences(indexed, indexed_scan, guesses[p], radius, False, 1, matched)
         information, gradient, used, cost, total = normal_equations(
-            PLICP, reference, scan, matched, guesses[p], 1.0, robust, True
+            PLICP, reference, scan, matched, guesses[p], 1.0, robust, True, same_side
         )
         counts[p] = used
         if used == 0:
             continue
         misfits[p] = cost / used
         information, gradient = fade_weak(information, gradient, total, length, fade)
-        stepped[p] += solve_good_directions(information, gradient, length, 1e-3)
+        stepped[p] += solve_good_directions(information, gradient, length, freeze_ratio)
         informations[p] = information
     return stepped, informations, counts, misfits
+
+
+@njit(cache=True)
+def place(cloud, T_map_cloud, target, first):
+    """Write a cloud, moved by ``T_map_cloud (3,)``, into the cloud ``target`` from row ``first`` on."""
+    points, normals, covariance, tangent_sigma = cloud
+    target_points, target_normals, target_covariance, target_sigma = target
+    c, s = np.cos(T_map_cloud[2]), np.sin(T_map_cloud[2])
+    zero = np.zeros((2, 2))
+    for i in range(len(points)):
+        k = first + i
+        target_points[k, 0] = c * points[i, 0] - s * points[i, 1] + T_map_cloud[0]
+        target_points[k, 1] = s * points[i, 0] + c * points[i, 1] + T_map_cloud[1]
+        target_normals[k, 0] = c * normals[i, 0] - s * normals[i, 1]
+        target_normals[k, 1] = s * normals[i, 0] + c * normals[i, 1]
+        xx, xy, yy = pair_covariance(zero, covariance[i], c, s)
+        target_covariance[k, 0, 0], target_covariance[k, 1, 1] = xx, yy
+        target_covariance[k, 0, 1] = target_covariance[k, 1, 0] = xy
+        target_sigma[k] = tangent_sigma[i]

@@ -1,4 +1,7 @@
-"""What a scan is matched against: another scan, or a local map of the last ones."""
+"""What a scan is matched against: another scan, or a local map of the last ones.
+
+The cells of the lattices cost or save time and change no result.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,7 @@ class Reference:
 
     @property
     def unindexed(self) -> tuple[Cloud, Any]:
-        """The cloud and a lattice of nothing, for one who is only looked from."""
+        """The cloud and an empty lattice, for a scan whose points are not looked for."""
         from slam.matching.neighbours import empty
 
         return self.cloud, empty(0, SCAN_CELL, 1)
@@ -69,7 +72,7 @@ class LocalMap:
         self.most_scans = most_scans
         self._count = 0
         self._sizes = np.zeros(most_scans, dtype=np.int64)
-        self._cloud, self._lattice = _room(most_scans, 0)
+        self._cloud, self._lattice = _allocate(most_scans, 0)
 
     def __len__(self) -> int:
         """Points in the map."""
@@ -87,8 +90,8 @@ class LocalMap:
 
     def add(self, scan: Scan, T_map_scan: Array) -> None:
         """Put a scan into the map at ``T_map_scan (3,)``."""
+        from slam.matching.kernels import place
         from slam.matching.neighbours import insert, remove
-        from slam.matching.placing import place
 
         if len(scan) > self._rows:
             self._grow(len(scan))
@@ -110,14 +113,14 @@ class LocalMap:
         from slam.matching.neighbours import insert
 
         old, before = self._cloud, self._rows
-        self._cloud, self._lattice = _room(self.most_scans, rows)
+        self._cloud, self._lattice = _allocate(self.most_scans, rows)
         for block, size in enumerate(self._sizes):
             for part, whole in zip(old, self._cloud, strict=True):
                 whole[block * rows : block * rows + size] = part[block * before : block * before + size]
             insert(self._cloud[0], self._lattice, block * rows, block * rows + size)
 
 
-def _room(scans: int, rows: int) -> tuple[Cloud, Any]:
+def _allocate(scans: int, rows: int) -> tuple[Cloud, Any]:
     """Empty cloud and lattice for scans of so many points."""
     from slam.matching.neighbours import empty
 

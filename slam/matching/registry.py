@@ -1,10 +1,12 @@
-"""Matchers by name: ours, and whatever somebody adds."""
+"""Matchers by name: those we have, and whatever somebody adds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
 
+from slam.matching.config import ICP, PLICP, WSM
+from slam.matching.icp import IteratedMatcher
 from slam.matching.reference import LocalMap, Reference
 from slam.matching.result import Match, NoMatch
 from slam.se2 import Array
@@ -15,28 +17,31 @@ Matcher = Callable[[Reference | LocalMap, Reference, Array, Array], Match | NoMa
 The prior is information about the guess (additive errors, reference frame), zero where there is none.
 """
 
-OURS = ("wsm", "icp", "plicp")
+MATCHERS: dict[str, Matcher] = {
+    "wsm": IteratedMatcher(WSM),
+    "icp": IteratedMatcher(ICP),
+    "plicp": IteratedMatcher(PLICP),
+}
+"""Name → matcher, which may be the ``method`` of a match or of a front end. A further one is a file of its
+own and an entry here; `tests/slam/matching/test_registry.py` tries it on arrival."""
 
-MATCHERS: dict[str, Matcher] = {}
-"""Name → matcher, beside `OURS`: what is put here may be the ``method`` of a match or of a front end."""
 
-
-def named(name: str) -> str:
-    """The name of a matcher that is known from then on: one that is, or ``module:function`` to import.
+def register(name: str) -> str:
+    """The name, after importing and registering the matcher if it is a ``module:function`` not known yet.
 
     Raises ``ValueError`` saying what is wrong with it.
     """
-    if name in OURS or name in MATCHERS:
+    if name in MATCHERS:
         return name
     module, _, function = name.partition(":")
     if not function:
-        known = ", ".join([*OURS, *MATCHERS])
+        known = ", ".join(MATCHERS)
         raise ValueError(f"unknown matcher {name!r}: expected one of {known}, or MODULE:FUNCTION")
     try:
-        found = getattr(import_module(module), function)
+        matcher = getattr(import_module(module), function)
     except (ImportError, AttributeError) as error:
         raise ValueError(f"matcher {name!r}: {error}") from error
-    if not callable(found):
-        raise ValueError(f"matcher {name!r}: expected a function, got {type(found).__name__}")
-    MATCHERS[name] = found
+    if not callable(matcher):
+        raise ValueError(f"matcher {name!r}: expected a function, got {type(matcher).__name__}")
+    MATCHERS[name] = matcher
     return name

@@ -1,4 +1,4 @@
-"""What a matcher answers."""
+"""What a matcher returns."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam import se2
+from slam.matching.config import DEFAULT, MatchConfig
 from slam.se2 import Array
-
-_YAW_AS_METRES = np.outer([1.0, 1.0, 0.5], [1.0, 1.0, 0.5])
-"""Scales an information so that a radian counts for two metres."""
 
 
 @dataclass(frozen=True)
@@ -38,32 +36,39 @@ class Match:
     tried: int
 
     @classmethod
-    def claimed(
-        cls, T_reference_scan: Array, information: Array, n_matches: int, prior: Array | None = None
+    def from_information(
+        cls,
+        T_reference_scan: Array,
+        information: Array,
+        n_matches: int,
+        prior: Array | None = None,
+        config: MatchConfig = DEFAULT,
     ) -> Match:
-        """The answer of a matcher that says no more than this; what it does not say is NaN.
+        """The result of a matcher that gives no more than this; what it does not give is NaN.
 
-        ``information (3, 3)`` is what the scans tell, ``prior (3, 3)`` what was known before: additive (x, y,
-        yaw) errors in the reference frame. Of a direction that both leave open 1 m or 1 rad is claimed.
+        ``information (3, 3)`` is that of the scans, ``prior (3, 3)`` what was known before: additive (x, y,
+        yaw) errors in the reference frame. Of a direction that both leave open 1 m or 1 rad is claimed: of
+        ``config``, ``least_information`` and ``length`` are read.
         Raises ``ValueError`` for shapes that differ or numbers that are not finite.
         """
         from slam.matching.covariance import floored_inverse
 
-        pose, told = np.asarray(T_reference_scan, dtype=np.float64), np.array(information, dtype=np.float64)
-        if pose.shape != (3,) or told.shape != (3, 3) or not np.isfinite([*pose, *told.ravel()]).all():
-            raise ValueError(f"match: expected a finite pose (3,) and information (3, 3), got {pose}, {told}")
-        known = told if prior is None else told + prior
+        pose, own = np.asarray(T_reference_scan, dtype=np.float64), np.array(information, dtype=np.float64)
+        if pose.shape != (3,) or own.shape != (3, 3) or not np.isfinite([*pose, *own.ravel()]).all():
+            raise ValueError(f"match: expected a finite pose (3,) and information (3, 3), got {pose}, {own}")
+        known = own if prior is None else own + prior
+        scale = np.array([1.0, 1.0, 1.0 / config.length])
         return cls(
             T_reference_scan=np.array([*pose[:2], se2.wrap(pose[2])]),
-            covariance=se2.to_body_covariance(pose, floored_inverse(known)),
-            information=told,
+            covariance=se2.to_body_covariance(pose, floored_inverse(known, config.least_information)),
+            information=own,
             n_matches=int(n_matches),
             residual_rms=np.nan,
             residual_p90=np.nan,
             misfit=np.nan,
             iterations=0,
             converged=True,
-            information_eigenvalues=np.linalg.eigvalsh(known * _YAW_AS_METRES),
+            information_eigenvalues=np.linalg.eigvalsh(known * np.outer(scale, scale)),
             tried=1,
         )
 

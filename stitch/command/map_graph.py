@@ -11,7 +11,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from slam import se2
-from slam.graph.pose_graph import PoseGraph, marginals, optimise
+from slam.graph.marginals import marginals
+from slam.graph.pose_graph import PoseGraph, optimise
 from slam.se2 import Array
 from stitch.alignment.result import NoStitch, Stitch
 

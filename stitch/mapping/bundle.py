@@ -259,5 +259,5 @@ def _with_pairs(factors: PoseGraph, pairs: np.ndarray, T_ij: Array, information:
         T_ij=np.concatenate([factors.T_ij, T_ij]),
         information=np.concatenate([factors.information, information]),
         loop=np.zeros(len(factors.edges) + len(pairs), dtype=bool),
-        heavy=np.concatenate([factors.heavy, np.zeros(len(pairs), dtype=bool)]),
+        heavy_tailed=np.concatenate([factors.heavy_tailed, np.zeros(len(pairs), dtype=bool)]),
     )

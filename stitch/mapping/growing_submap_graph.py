@@ -133,5 +133,5 @@ class GrowingSubmapGraph:
             np.concatenate([step.T_ij for step in self._steps]),
             np.concatenate([step.information for step in self._steps]),
             world_steps=world_steps,
-            heavy=np.concatenate([step.heavy for step in self._steps]),
+            heavy_tailed=np.concatenate([step.heavy_tailed for step in self._steps]),
         )

@@ -105,7 +105,7 @@ def close_loops(
         if len(closer.tried) == before:
             break
     graph = submap_graph.graph()
-    solution = optimise_robustly(replace(graph, poses=submap_graph.poses), config.back_end)
+    solution = optimise_robustly(replace(graph, poses=submap_graph.poses), config)
     believed = replace(graph.with_only(solution.weights > 0.5), poses=solution.poses)
     poses = optimise(believed, "none").poses  # gtsam has the last word
     tried = with_weights(closer.tried, solution.weights)

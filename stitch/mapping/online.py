@@ -236,7 +236,7 @@ class OnlineMapper:
         before, after = self.tracker.poses[rows]
         self.graph.add_node(se2.compose(self.graph.pose(i), se2.between(before, after)))
         tie = dead_reckoning_graph(self.reckoning, self.tracker.poses, rows, self.config.odometry)
-        self.graph.add_edge(i, j, tie.T_ij[0], tie.information[0], bool(tie.heavy[0]))
+        self.graph.add_edge(i, j, tie.T_ij[0], tie.information[0], bool(tie.heavy_tailed[0]))
         if tie.world_steps is not None:
             steps = tie.world_steps
             self.graph.add_world_step(i, j, steps.displacement[0], float(steps.variance[0]))

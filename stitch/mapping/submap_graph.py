@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -14,9 +15,17 @@ from scipy.sparse.csgraph import dijkstra
 from slam import se2
 from slam.graph.cholesky import Factor
 from slam.graph.gauss_newton import Problem
-from slam.graph.gnc import judge
+from slam.graph.gnc import solve_gnc
 from slam.graph.marginals import relative_covariance
-from slam.graph.pose_graph import PoseGraph, Solution, informations, optimise
+from slam.graph.pose_graph import (
+    DEFAULT_GNC,
+    GncConfig,
+    Loss,
+    PoseGraph,
+    Solution,
+    informations,
+    optimise,
+)
 from slam.mapping.submap import Submap
 from slam.recording import Source
 from slam.se2 import Array
@@ -24,7 +33,7 @@ from stitch.align import NoStitch, Prior, Stitch
 from stitch.alignment.config import AlignConfig
 from stitch.mapping.estimate import LoopCandidate
 
-BACK_ENDS = ("gnc", "none")
+BACK_ENDS: tuple[Loss, ...] = get_args(Loss)
 """How the graph judges stitches: by graduated non-convexity, or not at all ("none" keeps every stitch)."""
 
 
@@ -73,8 +82,10 @@ class LoopConfig:
     """A stitch that the finished bundle has further elsewhere (m, m, rad) does not count as accepted."""
     align: AlignConfig = field(default_factory=lambda: AlignConfig(warp=(0.01, 0.0026)))
     """How two submaps are aligned: those of a few metres bend less than its default says."""
-    back_end: str = "gnc"
+    back_end: Loss = "gnc"
     """How the graph judges stitches, one of `BACK_ENDS`."""
+    gnc: GncConfig = DEFAULT_GNC
+    """Graduated non-convexity."""
 
     def __post_init__(self) -> None:
         if self.back_end not in BACK_ENDS:
@@ -131,7 +142,7 @@ class SubmapGraph:
     def optimise(self) -> None:
         """Place the submaps anew and judge the stitches."""
         graph = replace(self.graph(), poses=self.poses)
-        solution = optimise_robustly(graph, self.config.back_end, self._all_weights())
+        solution = optimise_robustly(graph, self.config, self._all_weights())
         self.poses, self.weights, self._inverse = solution.poses, solution.weights, None
 
     def distances(self, b: int) -> Array:
@@ -202,13 +213,13 @@ class SubmapGraph:
         return np.concatenate([self.weights, np.ones(len(self.stitches()) - len(self.weights))])
 
 
-def optimise_robustly(graph: PoseGraph, back_end: str, weights: Array | None = None) -> Solution:
-    """Poses of the graph and weights of its loops, as a back end judges them.
+def optimise_robustly(graph: PoseGraph, config: LoopConfig, weights: Array | None = None) -> Solution:
+    """Poses of the graph and weights of its loops, as ``config.back_end`` judges them.
 
     ``weights (L,)``: those the loops had until now, from which graduated non-convexity may start.
     """
-    if back_end == "gnc" or not np.any(graph.loop):
-        return judge(graph, weights)
+    if config.back_end == "gnc" or not np.any(graph.loop):
+        return solve_gnc(graph, weights, config.gnc)
     return optimise(graph, "none")
 
 

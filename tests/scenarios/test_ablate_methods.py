@@ -117,21 +117,21 @@ def test_comparisons_by_hand() -> None:
 
 
 def test_injection_is_compared_with_the_same_without() -> None:
-    both = contestants(["slamstitch"], ["gnc", "dcs"], 0.5)
+    both = contestants(["slamstitch"], ["gnc", "none"], 0.5)
     assert [one.name for one in both] == [
         "slamstitch",
         "slamstitch +50%",
-        "slamstitch dcs",
-        "slamstitch dcs +50%",
+        "slamstitch none",
+        "slamstitch none +50%",
     ]
     rows = [drive("hospital", 0, one.name, 0.1 * (k + 1)) for k, one in enumerate(both)]
     found = comparisons(rows, both, np.random.default_rng(0))
     assert [(c.method, c.against, round(c.ratio, 3)) for c in found] == [
-        ("slamstitch", "slamstitch dcs", 0.333),
+        ("slamstitch", "slamstitch none", 0.333),
         ("slamstitch +50%", "slamstitch", 2.0),
-        ("slamstitch dcs +50%", "slamstitch dcs", 1.333),
+        ("slamstitch none +50%", "slamstitch none", 1.333),
     ]
-    assert both[3].config(7).loops.back_end == "dcs"
+    assert both[3].config(7).loops.back_end == "none"
     assert (both[3].config(7).loops.injected, both[3].config(7).loops.injected_seed) == (0.5, 7)
     assert both[2].config(7).loops.injected == 0.0
 
@@ -168,10 +168,10 @@ def test_a_simulation_that_fails_is_everybodys_error(monkeypatch: pytest.MonkeyP
 
 
 def test_what_a_contestant_is_counts_as_its_trial() -> None:
-    both = [trial_of("hospital", 2, one) for one in contestants(["slamstitch"], ["gnc", "dcs"], 0.5)]
+    both = [trial_of("hospital", 2, one) for one in contestants(["slamstitch"], ["gnc", "none"], 0.5)]
     assert len({trial.key for trial in both}) == 4
     again = Contestant(both[3].method, **both[3].config)
-    assert again.config(7) == contestants(["slamstitch"], ["dcs"], 0.5)[1].config(7)
+    assert again.config(7) == contestants(["slamstitch"], ["none"], 0.5)[1].config(7)
 
 
 @pytest.mark.parametrize("form", ["table", "json"])
@@ -259,7 +259,7 @@ def test_seeds_are_a_count_a_range_or_a_list() -> None:
         (Options(inject=1.0), "--inject 1: expected a share of at least 0 and below 1"),
         (Options(inject=float("nan")), "--inject nan"),
         (Options(methods="ins", inject=0.5), "expected it among --methods"),
-        (Options(methods="ins", variant="dcs"), "expected it among --methods"),
+        (Options(methods="ins", variant="none"), "expected it among --methods"),
         (Options(workers=-1), "--workers >= 0"),
         (Options(out=Path(__file__)), "expected a folder, found a file"),
     ],

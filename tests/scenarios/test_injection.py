@@ -9,7 +9,7 @@ import pytest
 
 from scenarios.ablate.injection import inject_false_stitches
 from slam import se2
-from slam.graph.pose_graph import PoseGraph
+from slam.graph.pose_graph import Loss, PoseGraph
 from stitch.align import NoStitch, Stitch
 from stitch.mapping.estimate import LoopCandidate
 from stitch.mapping.loop_closure import LoopClosureResult
@@ -32,7 +32,7 @@ def looped() -> tuple[PoseGraph, LoopClosureResult]:
         for a, b in pairs
     ]
     graph = add_stitches(line, list(zip(pairs, stitches, strict=True)))
-    solution = optimise_robustly(graph, "gnc")
+    solution = optimise_robustly(graph, LoopConfig())
     tried = [LoopCandidate(a, b, s, 1.0) for (a, b), s in zip(pairs, stitches, strict=True)]
     return line, LoopClosureResult(
         graph, solution.poses, (tried[0], LoopCandidate(1, 7, NoStitch("no")), tried[1])
@@ -40,10 +40,11 @@ def looped() -> tuple[PoseGraph, LoopClosureResult]:
 
 
 @pytest.mark.parametrize("back_end", BACK_ENDS)
-def test_false_stitches_harm_plain_least_squares_only(back_end: str) -> None:
+def test_false_stitches_harm_plain_least_squares_only(back_end: Loss) -> None:
     line, closed = looped()
-    before = optimise_robustly(closed.graph, back_end).poses
-    after = inject_false_stitches(closed, line.poses, 0.5, back_end, np.random.default_rng(3))
+    loops = LoopConfig(back_end=back_end)
+    before = optimise_robustly(closed.graph, loops).poses
+    after = inject_false_stitches(closed, line.poses, 0.5, loops, np.random.default_rng(3))
     moved = np.abs(after.poses[:, :2] - before[:, :2]).max()
     weights = [tried.weight for tried in after.tried]
     assert weights[1] is None
@@ -58,8 +59,8 @@ def test_false_stitches_harm_plain_least_squares_only(back_end: str) -> None:
 
 def test_injected_stitches_are_a_share_are_wrong_and_claim_what_true_ones_do() -> None:
     line, closed = looped()
-    after = inject_false_stitches(closed, line.poses, 0.8, "gnc", np.random.default_rng(0))
-    again = inject_false_stitches(closed, line.poses, 0.8, "gnc", np.random.default_rng(0))
+    after = inject_false_stitches(closed, line.poses, 0.8, LoopConfig(), np.random.default_rng(0))
+    again = inject_false_stitches(closed, line.poses, 0.8, LoopConfig(), np.random.default_rng(0))
     np.testing.assert_array_equal(after.poses, again.poses)
     false = after.tried[3:]
     assert len(false) == 8  # of ten
@@ -73,7 +74,7 @@ def test_injected_stitches_are_a_share_are_wrong_and_claim_what_true_ones_do() -
 def test_nothing_is_injected_where_nothing_was_stitched() -> None:
     line, _ = looped()
     closed = LoopClosureResult(line, line.poses, (LoopCandidate(1, 7, NoStitch("no")),))
-    assert inject_false_stitches(closed, line.poses, 0.5, "gnc", np.random.default_rng(0)) is closed
+    assert inject_false_stitches(closed, line.poses, 0.5, LoopConfig(), np.random.default_rng(0)) is closed
 
 
 def test_a_stitch_without_a_proper_covariance_is_refused_by_name() -> None:
@@ -86,6 +87,6 @@ def test_a_stitch_without_a_proper_covariance_is_refused_by_name() -> None:
 def test_what_means_nothing_is_refused() -> None:
     line, closed = looped()
     with pytest.raises(ValueError, match="share of false stitches: expected"):
-        inject_false_stitches(closed, line.poses, 1.0, "gnc", np.random.default_rng(0))
+        inject_false_stitches(closed, line.poses, 1.0, LoopConfig(), np.random.default_rng(0))
     with pytest.raises(ValueError, match="back_end: expected one of gnc"):
-        LoopConfig(back_end="gcn")
+        LoopConfig(back_end="gcn")  # type: ignore[arg-type]

@@ -37,8 +37,7 @@ class Options:
     methods: str = "ins,wsm,slamstitch,oracle"
     """Methods by name, with commas between; "oracle" is ours, told the true cuts and loop closures."""
     variant: str = "gnc"
-    """Back ends of slamstitch, with commas between: gnc, dcs, none (every stitch is kept), pcm (the largest
-    pairwise consistent set), pcm_gnc."""
+    """Back ends of slamstitch, with commas between: gnc, none (every stitch is kept)."""
     inject: float = 0.0
     """Run slamstitch again with so many false stitches that they are this share of all."""
     workers: int = 0

@@ -10,6 +10,7 @@ import pytest
 
 from slam import se2
 from slam.formats import FormatError, carmen
+from slam.formats.text import File
 from slam.recording import Recording
 
 
@@ -28,7 +29,7 @@ def robotlaser(time: float, ranges: list[float], laser: str = "0 0 0", robot: st
 
 
 def parse(text: str) -> Recording:
-    return carmen.parse(text, Path("a.log"))
+    return carmen.read(File("a.log", text.encode()))
 
 
 RIGHT_TO_LEFT = [1.0] + [2.0] * 89 + [3.0] + [2.0] * 89 + [4.0]

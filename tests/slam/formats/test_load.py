@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slam.formats import FormatError, load, recording_npz, relations
+from slam.formats import FORMATS, Format, FormatError, load, recording_npz, relations
+from slam.formats.text import File
+from slam.recording import Laser, Recording
 
 HEADER = "# UvA Rescue Team Logfile\n"
 USARSIM = HEADER + (
@@ -32,6 +34,45 @@ def test_format_is_recognised_by_content_not_by_name(
     assert recording.ranges.shape == (1, beams)
     assert recording.name == "a"
     assert len(load(str(path))) == 1
+
+
+# On arrival: every registered format
+
+
+@pytest.mark.parametrize("name", [name for name, form in FORMATS.items() if form.write])
+def test_what_a_format_writes_it_alone_recognises_and_reads(name: str, tmp_path: Path) -> None:
+    if name == "rosbag":
+        pytest.importorskip("rosbags")
+    given = Recording(
+        name="drive",
+        time=1.0 + np.arange(3.0),
+        ranges=np.array([[1.0, 2.0, np.nan, 2.5], [1.1, 2.0, 3.0, 2.5], [1.2, 2.0, 3.0, np.nan]]),
+        angles=np.linspace(-1.2, 1.2, 4),
+        laser=Laser(),
+        dead_reckoning=np.array([[0.0, 0.0, 0.0], [0.5, 0.1, 0.1], [1.0, 0.2, 0.3]]),
+    )
+    path = tmp_path / "drive"
+    FORMATS[name].write(path, given)  # type: ignore[misc]  # it has one
+    recognising = next(other for other, form in FORMATS.items() if form.recognise(File(path)))
+    assert recognising == name
+    found = load(path)
+    assert (found.name, found.source) == ("drive", "odometry")
+    np.testing.assert_allclose(found.time, given.time, atol=1e-6)
+    np.testing.assert_allclose(found.ranges, given.ranges, atol=1e-3)
+    np.testing.assert_allclose(found.angles, given.angles, atol=1e-6)
+    np.testing.assert_allclose(found.dead_reckoning, given.dead_reckoning, atol=1e-6)
+
+
+@pytest.mark.parametrize("form", FORMATS.values(), ids=FORMATS)
+def test_every_format_refuses_what_is_not_its_own_in_one_line(form: Format, tmp_path: Path) -> None:
+    if form is FORMATS["rosbag"]:
+        pytest.importorskip("rosbags")
+    (tmp_path / "diary.txt").write_text("dear diary\n")
+    assert not form.recognise(File(tmp_path / "diary.txt"))
+    with pytest.raises(FormatError) as caught:
+        form.read(File(tmp_path / "diary.txt"))
+    assert str(caught.value).startswith(f"{tmp_path / 'diary.txt'}:")
+    assert "\n" not in str(caught.value)
 
 
 def test_line_ends_of_windows(tmp_path: Path) -> None:
@@ -65,7 +106,7 @@ def test_relations_come_along(tmp_path: Path) -> None:
         (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "binary data, expected text"),
         (
             bytes(range(1, 256)) * 4,
-            "not a recording: expected a USARSim log, a CARMEN log or a recording.npz",
+            "not a recording: expected a ROS 2 bag, a recording.npz, a USARSim log or a CARMEN log",
         ),
         (USARSIM.encode() + b"\0\0", ":4: binary data, expected text"),
         (gzip.compress(CARMEN.encode())[:-20], "torn gzip file"),

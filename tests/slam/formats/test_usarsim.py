@@ -10,6 +10,7 @@ import pytest
 
 from slam import se2
 from slam.formats import FormatError, usarsim
+from slam.formats.text import File
 from slam.recording import Recording
 
 HEADER = "# UvA Rescue Team Logfile\n#\n\n"
@@ -37,7 +38,7 @@ def scan(time: float, ranges: str, name: str = "H", shape: str = "{Resolution 0.
 
 
 def parse(text: str) -> Recording:
-    return usarsim.parse(text, Path("Robot1.log"))
+    return usarsim.read(File("Robot1.log", text.encode()))
 
 
 FIVE = "1.00,2.00,3.00,0.00,30.32"

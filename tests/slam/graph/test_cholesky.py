@@ -17,11 +17,11 @@ def matrix(nodes: int, pairs: np.ndarray, seed: int) -> tuple[Structure, Array, 
     structure = Structure.of(pairs, nodes)
     whole: Array = np.zeros((nodes, 3, nodes, 3))
     lower: Array = np.zeros((structure.blocks, 3, 3))
-    for (i, j), place in zip(pairs, structure.places(pairs), strict=True):
+    for (i, j), at in zip(pairs, structure.block_index(pairs), strict=True):
         block = rng.normal(size=(3, 3))
         whole[i, :, j] += block
         whole[j, :, i] += block.T
-        lower[place if place >= 0 else -1 - place] += block if place >= 0 else block.T
+        lower[at if at >= 0 else -1 - at] += block if at >= 0 else block.T
     own = 10.0 * (1 + len(pairs)) * np.eye(3) + rng.uniform(0.0, 1.0, (nodes, 1, 1))
     whole[np.arange(nodes), :, np.arange(nodes)] += own
     return structure, own[np.argsort(structure.position)], lower, whole.reshape(3 * nodes, 3 * nodes)

@@ -134,7 +134,7 @@ def test_the_track_says_nothing_across_lost_scans(hand_made: HandMade) -> None:
 )
 def test_only_an_ins_has_heavy_tails(hand_made: HandMade, source: str, heavy: list[bool]) -> None:
     graph = odometry_graph(DeadReckoning(reckoned(source)), tracked(hand_made, Verdict.MATCHED), ROWS)
-    assert graph.heavy.tolist() == [False, False, source == "ins", source == "ins"]
+    assert graph.heavy_tailed.tolist() == [False, False, source == "ins", source == "ins"]
 
 
 def test_a_lost_stretch_weighs_less_than_a_matched_one(hand_made: HandMade) -> None:

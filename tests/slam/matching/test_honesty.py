@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from slam import se2
 from slam.matching import Match, MatchConfig, match
@@ -33,10 +34,9 @@ class Trials:
     errors: Array
     covariances: Array
 
-    @property
-    def anees(self) -> float:
-        solved = np.linalg.solve(self.covariances, self.errors[..., None])[..., 0]
-        return float(np.mean(np.sum(self.errors * solved, axis=1)) / 3.0)
+    def nees(self) -> float:
+        """Sum of the squared normalised errors, χ² of 3 M degrees of freedom if honest."""
+        return float(np.sum(self.errors * np.linalg.solve(self.covariances, self.errors[..., None])[..., 0]))
 
     @property
     def sd(self) -> Array:
@@ -60,6 +60,12 @@ def trials(look: Look, walls: Array, start: Array, method: str, covariance: str,
     return Trials(np.array(errors), np.array(covariances))
 
 
+def assert_honest(squared: float, degrees: int) -> None:
+    """A sum of squared normalised errors lies in the 95 % band of χ²."""
+    low, high = chi2.ppf([0.025, 0.975], degrees)
+    assert low <= squared <= high
+
+
 @pytest.mark.parametrize(
     ("method", "covariance"), [("wsm", "joint"), ("wsm", "p2l"), ("plicp", "p2l"), ("plicp", "joint")]
 )
@@ -69,14 +75,14 @@ def test_in_a_room_weighted_covariances_are_honest(
     result = trials(look, room, FROM, method, covariance)
     rms = np.sqrt(np.mean(result.errors**2, axis=0))
     assert np.all(rms < [0.0030, 0.0030, 0.0010])
-    # The 95 % band of 150 Gaussian trials is 0.87 .. 1.14; corners give the errors somewhat heavier tails.
-    assert 0.75 < result.anees < 1.35
-    np.testing.assert_allclose(result.sd, rms, rtol=0.4)
+    assert_honest(result.nees(), 3 * len(result.errors))
+    for axis in range(3):
+        assert_honest(np.sum((result.errors[:, axis] / result.sd[axis]) ** 2), len(result.errors))
 
 
 def test_in_a_room_unweighted_icp_is_overconfident(room: Array, look: Look) -> None:
     result = trials(look, room, FROM, "icp", "joint", count=80)
-    assert result.anees > 10.0
+    assert result.nees() > 10.0 * chi2.ppf(0.975, result.errors.size)
     assert np.sqrt(np.mean(result.errors[:, :2] ** 2)) > 0.006
 
 
@@ -89,10 +95,10 @@ def test_in_a_corridor_only_walls_normals_tell_that_the_way_along_is_unknown(
     along = np.sqrt(np.mean(joint.errors[:, 0] ** 2))
     assert along > 0.02
     assert joint.sd[0] < 0.2 * along
-    assert joint.anees > 20.0
+    assert joint.nees() > 20.0 * chi2.ppf(0.975, joint.errors.size)
     assert honest.sd[0] >= 0.3
     assert honest.sd[2] < 0.003
-    assert 0.3 < honest.anees < 1.3
+    assert honest.nees() <= chi2.ppf(0.975, honest.errors.size)  # more careful than it need be
 
 
 def test_the_unknown_direction_is_one_of_the_body(corridor: Array, look: Look) -> None:

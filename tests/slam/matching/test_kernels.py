@@ -9,8 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from slam import se2
-from slam.matching import Reference, kernels
-from slam.matching.alternating import _displacement, _turn
+from slam.matching import MatchConfig, Reference, kernels
 from slam.matching.covariance import (
     body_covariance,
     floored_inverse,
@@ -24,6 +23,7 @@ METHODS = {"wsm": kernels.WSM, "icp": kernels.ICP, "plicp": kernels.PLICP}
 FROM = np.array([2.0, 2.5, 0.3])
 MOVED = np.array([0.15, -0.08, 0.06])
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
+SETTINGS = MatchConfig().kernel_settings
 
 Look = Callable[..., Scan]
 
@@ -57,7 +57,7 @@ def plain_pair(
     else:
         facing = n @ R @ scan.normals[i]
         facing = facing if oriented else abs(facing)
-        W = np.outer(n, n) / (n @ P @ n) if facing > kernels.SIDE_COSINE else np.zeros((2, 2))
+        W = np.outer(n, n) / (n @ P @ n) if facing > SETTINGS.same_side else np.zeros((2, 2))
     return reference.points[j] - p - pose[:2], H, W
 
 
@@ -117,6 +117,7 @@ def test_twin_of_normal_equations(
         0.02,
         robust,
         oriented,
+        SETTINGS.same_side,
     )
     np.testing.assert_allclose(result[0], information, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(result[1], gradient, rtol=1e-9, atol=1e-6)
@@ -131,7 +132,7 @@ def test_twin_of_point_to_line_information(looks: tuple[Scan, Scan]) -> None:
     R, expected = se2.rotation(pose[2]), np.zeros((3, 3))
     for i, j in enumerate(pairs):
         n = reference.normals[j]
-        if j < 0 or not n @ R @ scan.normals[i] > kernels.SIDE_COSINE:
+        if j < 0 or not n @ R @ scan.normals[i] > SETTINGS.same_side:
             continue
         p = R @ scan.points[i]
         H = np.array([[1.0, 0.0, -p[1]], [0.0, 1.0, p[0]]])
@@ -142,7 +143,7 @@ def test_twin_of_point_to_line_information(looks: tuple[Scan, Scan]) -> None:
         expected += np.outer(across, across) / v
         expected -= reference.tangent_sigma[j] ** 2 * np.outer(along, along) / v
     clouds = Reference(reference).cloud, Reference(scan).cloud
-    result = point_to_line_information(*clouds, pairs, pose, robust)
+    result = point_to_line_information(*clouds, pairs, pose, robust, SETTINGS.same_side)
     np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-6)
 
 
@@ -179,7 +180,7 @@ def test_with_every_pairs_own_weight_the_block_form_is_the_joint_one(looks: tupl
     reference, scan = looks
     pairs = every(4, reference, scan)
     information = kernels.normal_equations(
-        kernels.WSM, Reference(reference).cloud, Reference(scan).cloud, pairs, MOVED, 0.02, np.inf, True
+        kernels.WSM, Reference(reference).cloud, Reference(scan).cloud, pairs, MOVED, 0.02, np.inf, True, 0.7
     )[0]
     own = plain_block(reference, scan, pairs, MOVED, first=False)
     np.testing.assert_allclose(own, np.linalg.inv(information), rtol=1e-6, atol=1e-14)
@@ -221,16 +222,16 @@ def test_twin_of_the_alternating_step(looks: tuple[Scan, Scan]) -> None:
         above += dp @ w @ J @ q
         below += dp @ w @ q - (J @ q) @ w @ (J @ q)
     clouds = Reference(reference).cloud, Reference(scan).cloud
-    excess, centre = _displacement(kernels.WSM, *clouds, pairs, pose, 0.02, True)
+    excess, centre = kernels.displacement(kernels.WSM, *clouds, pairs, pose, SETTINGS)
     np.testing.assert_allclose(excess, T, rtol=1e-9)
     np.testing.assert_allclose(centre, c, rtol=1e-9)
-    turn = _turn(kernels.WSM, *clouds, pairs, pose, 0.02, True, excess, centre)
+    turn = kernels.rotation_about(kernels.WSM, *clouds, pairs, pose, SETTINGS, excess, centre)
     assert turn == pytest.approx(above / below, rel=1e-9)
 
 
 def test_the_inverse_is_floored() -> None:
     R = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
-    covariance = floored_inverse((R * [1e4, 1e-3, -50.0]) @ R.T)
+    covariance = floored_inverse((R * [1e4, 1e-3, -50.0]) @ R.T, 1.0)
     np.testing.assert_allclose(covariance, (R * [1e-4, 1.0, 1.0]) @ R.T, atol=1e-12)
 
 
@@ -242,7 +243,31 @@ def test_the_spread_of_other_answers_is_added_in_the_body(looks: tuple[Scan, Sca
     spread = np.diag([0.04, 0.0, 0.0])
     none = np.zeros((3, 3))
     information = np.diag([1e4, 1e4, 1e6])
-    alone, _ = body_covariance(1, *clouds, pairs, pose, information, none, none, 9.0, 2.0)
-    both, values = body_covariance(1, *clouds, pairs, pose, information, none, spread, 9.0, 2.0)
+    alone, _ = body_covariance(1, *clouds, pairs, pose, information, none, none, SETTINGS)
+    both, values = body_covariance(1, *clouds, pairs, pose, information, none, spread, SETTINGS)
     np.testing.assert_allclose(both - alone, np.diag([0.0, 0.04, 0.0]), atol=1e-12)
     np.testing.assert_allclose(values, [1e4, 1e4, 2.5e5])
+
+
+def assert_decomposed(matrix: Array) -> None:
+    values, vectors = kernels.eigh3(matrix)
+    scale = max(np.abs(matrix).max(), 1e-300)
+    np.testing.assert_allclose(values, np.linalg.eigvalsh(matrix), atol=1e-13 * scale)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(3), atol=1e-13)
+    np.testing.assert_allclose((vectors * values) @ vectors.T, matrix, atol=1e-13 * scale)
+
+
+def test_twin_of_the_eigenvectors() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        root = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-3, 3, 3)
+        assert_decomposed(0.5 * (root + root.T))
+        assert_decomposed(root @ root.T)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [np.zeros((3, 3)), np.eye(3), np.diag([3.0, 1.0, 2.0]), np.ones((3, 3)), -np.diag([1.0, 1.0, 5.0])],
+)
+def test_repeated_and_ordered_eigenvalues(matrix: Array) -> None:
+    assert_decomposed(matrix)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -201,10 +201,15 @@ def test_robust_weights_resist_a_moved_cupboard(room: Array, look: Look) -> None
     assert error[9.0] < 0.5 * error[1e12]
 
 
-def test_both_faces_of_a_thin_wall_are_different_surfaces(look: Look) -> None:
+def faces_of_a_thin_wall(look: Look) -> tuple[Scan, Scan]:
+    """Scans of a wall from below and from above, both in one frame."""
     wall = np.array([[-3.0, 0.0, 3.0, 0.0]])
-    below = look(wall, np.array([0.0, -1.0, np.pi / 2])).transformed(np.array([0.0, -1.0, np.pi / 2]))
-    above = look(wall, np.array([0.0, 1.0, -np.pi / 2])).transformed(np.array([0.0, 1.0, -np.pi / 2]))
+    below, above = np.array([0.0, -1.0, np.pi / 2]), np.array([0.0, 1.0, -np.pi / 2])
+    return look(wall, below).transformed(below), look(wall, above).transformed(above)
+
+
+def test_both_faces_of_a_thin_wall_are_different_surfaces(look: Look) -> None:
+    below, above = faces_of_a_thin_wall(look)
     assert isinstance(match(below, above, np.zeros(3), "plicp"), NoMatch)
     assert isinstance(match(below, below, np.zeros(3), "plicp"), Match)
 
@@ -249,26 +254,83 @@ def test_levels_are_checked() -> None:
         MatchConfig(solver="newton")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"levels": ((0.1, 1),)},
-        {"robust": 1.0},
-        {"mutual": True},
-        {"fade": 0.5},
-        {"freeze_ratio": 0.9},
-        {"most_iterations": 1},
-        {"least_pairs": 10_000},
-        {"length": 50.0},
-        {"solver": "alternating"},
-    ],
-)
-def test_every_setting_changes_something(room: Array, look: Look, change: dict[str, object]) -> None:
+# Every setting changes the answer: name -> (scene, a value that is not the default)
+
+CHANGED: dict[str, tuple[str, object]] = {
+    "levels": ("room", ((0.1, 1),)),
+    "robust": ("room", 1.0),
+    "mutual": ("room", True),
+    "oriented": ("thin wall", False),
+    "same_side": ("thin wall", -2.0),
+    "fade": ("corridor", 0.5),
+    "freeze_ratio": ("room", 0.9),
+    "most_iterations": ("room", 1),
+    "last_step": ("room", 1e-1),
+    "converged_step": ("room", 1e-9),
+    "coarse_step": ("room", 1.0),
+    "least_pairs": ("few", 3),
+    "sigma": ("icp", 0.1),
+    "length": ("room", 50.0),
+    "least_information": ("corridor", 5.0),
+    "solver": ("room", "alternating"),
+    "misfit_cap": ("room", 1.0),
+    "search_shift": ("searched", 0.3),
+    "search_turn": ("searched", 0.1),
+    "prior_sigmas": ("prior", 0.4),
+    "least_share": ("unsure", 1.1),
+    "most_misfit": ("unsure", 0.0),
+    "open_direction": ("corridor", -1e9),
+    "margin": ("searched", -1e9),
+    "correlated_points": ("corridor", 1e3),
+    "search_cell": ("searched", 0.2),
+    "search_angle": ("searched", np.radians(5.0)),
+    "search_range": ("searched", 1.0),
+    "search_spacing": ("searched", 2.0),
+    "search_points": ("searched", 5),
+    "candidates": ("searched", 1),
+    "apart_cells": ("searched", 6),
+    "apart_angles": ("searched", 15),
+    "open_step": ("corridor", 0.15),
+    "open_steps": ("corridor", 1),
+    "same_scan": ("again", 0.0),
+}
+
+
+SEARCHED = {"least_share": 2.0, "correlated_points": 1e3}
+"""Settings that make every match look elsewhere, and tell of all it finds by its covariance."""
+
+
+def look_at(scene: str, room: Array, corridor: Array, look: Look, **settings: object) -> Match | NoMatch:
+    """A match in one of the scenes that `CHANGED` names."""
+    rng = np.random.default_rng(3)
+    config = replace(MatchConfig(), **{**(SEARCHED if scene in ("searched", "prior") else {}), **settings})  # type: ignore[arg-type]
+    if scene in ("corridor", "again"):
+        reference = look(corridor, np.zeros(3), rng)
+        scan = reference if scene == "again" else look(corridor, np.array([0.1, 0.0, 0.0]), rng)
+        return match(reference, scan, np.array([0.3, 0.05, 0.1]), config=config)
+    if scene == "thin wall":
+        return match(*faces_of_a_thin_wall(look), np.zeros(3), config=config)
     reference, scan = pair(look, room)
-    plain = match(reference, scan, MOVED + SEED_ERROR)
-    changed = match(reference, scan, MOVED + SEED_ERROR, config=MatchConfig(**change))  # type: ignore[arg-type]
+    if scene == "few":
+        return match(reference, scan.selected(np.arange(0, len(scan), 25)), MOVED, config=config)
+    if scene in ("searched", "prior"):
+        prior = None if scene == "searched" else np.diag([4.0, 4.0, 16.0])
+        guess = MOVED + np.array([-0.5, -0.4, -0.45])
+        return match(reference, scan, guess, prior_information=prior, config=config)
+    return match(reference, scan, MOVED + SEED_ERROR, "icp" if scene == "icp" else "plicp", config=config)
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(MatchConfig)])
+def test_every_setting_changes_the_answer(room: Array, corridor: Array, look: Look, name: str) -> None:
+    scene, value = CHANGED[name]
+    plain = look_at(scene, room, corridor, look)
+    changed = look_at(scene, room, corridor, look, **{name: value})
+    assert isinstance(changed, Match)
+    if scene in ("few", "thin wall"):  # the default refuses, the change is what finds an answer
+        assert isinstance(plain, NoMatch)
+        return
     assert isinstance(plain, Match)
-    if isinstance(changed, Match):
-        told = ("T_reference_scan", "information", "information_eigenvalues")
-        same = [np.allclose(getattr(changed, name), getattr(plain, name), rtol=1e-6) for name in told]
-        assert not all(same), change
+    answers = [
+        [*m.T_reference_scan, *m.covariance.ravel(), m.misfit, m.converged, m.tried] for m in (plain, changed)
+    ]
+    assert not np.allclose(*answers, rtol=1e-6, atol=0.0), name

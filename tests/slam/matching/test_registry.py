@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +13,15 @@ from scenarios.run import with_matcher
 from slam import se2
 from slam.cli import InputError
 from slam.matching import MATCHERS, LocalMap, Match, NoMatch, Reference, match
-from slam.matching.registry import named
+from slam.matching.registry import register
 from slam.recording import Laser
 from slam.scan import Scan
+from slam.se2 import Array
 
 SCAN = Scan.from_ranges(np.full(31, 2.0), np.linspace(-1.5, 1.5, 31), Laser())
 POSE = np.array([0.3, -0.2, 0.5])
 GUESS = np.array([0.1, 0.0, 0.4])
+REGISTERED = list(MATCHERS)
 
 
 @pytest.fixture(autouse=True)
@@ -35,7 +37,7 @@ def test_a_matcher_by_name_is_asked_with_points_guess_and_prior() -> None:
 
     def told(*asked: object) -> Match:
         heard.append(asked)
-        return Match.claimed(POSE, 100.0 * np.eye(3), 7)
+        return Match.from_information(POSE, 100.0 * np.eye(3), 7)
 
     MATCHERS["mine"] = told
     answer = match(SCAN, SCAN, GUESS, "mine", prior_information=4.0 * np.eye(3))
@@ -67,18 +69,18 @@ def test_an_answer_that_is_none_is_refused() -> None:
         match(SCAN, SCAN, GUESS, "other")
 
 
-def test_what_is_claimed_is_kept_apart_from_the_prior() -> None:
-    told, prior = np.diag([400.0, 0.0, 100.0]), np.diag([0.0, 0.25, 300.0])
-    found = Match.claimed(np.array([1.0, 2.0, np.pi / 2]), told, 12, prior)
-    assert np.array_equal(found.information, told)
+def test_the_information_of_a_match_is_kept_apart_from_the_prior() -> None:
+    own, prior = np.diag([400.0, 0.0, 100.0]), np.diag([0.0, 0.25, 300.0])
+    found = Match.from_information(np.array([1.0, 2.0, np.pi / 2]), own, 12, prior)
+    assert np.array_equal(found.information, own)
     np.testing.assert_allclose(np.diag(found.covariance), [1.0, 1 / 400, 1 / 400], atol=1e-12)  # open: 1 m
     np.testing.assert_allclose(found.information_eigenvalues, [0.25, 100.0, 400.0])
     assert found.n_matches == 12
     assert np.isnan(found.misfit)
-    turned = Match.claimed(np.array([0.0, 0.0, 4.0]), told, 1).T_reference_scan
+    turned = Match.from_information(np.array([0.0, 0.0, 4.0]), own, 1).T_reference_scan
     assert turned[2] == pytest.approx(4.0 - 2 * np.pi)
     with pytest.raises(ValueError, match="expected a finite pose"):
-        Match.claimed(np.full(3, np.nan), told, 1)
+        Match.from_information(np.full(3, np.nan), own, 1)
 
 
 def test_a_module_s_function_is_known_from_then_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,9 +105,55 @@ def test_a_module_s_function_is_known_from_then_on(tmp_path: Path, monkeypatch: 
 )
 def test_a_name_that_leads_nowhere_is_refused(name: str, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
-        named(name)
+        register(name)
 
 
-def test_ours_are_known() -> None:
-    assert [named(name) for name in ("wsm", "icp", "plicp")] == ["wsm", "icp", "plicp"]
-    assert isinstance(match(Reference(SCAN), SCAN, np.zeros(3), "icp"), Match)
+def test_what_is_registered_keeps_its_name() -> None:
+    assert [register(name) for name in REGISTERED] == REGISTERED
+
+
+# On arrival: every registered matcher
+
+
+@pytest.mark.parametrize("method", REGISTERED)
+@pytest.mark.parametrize("seen_in", ["scan", "local map"])
+def test_every_matcher_finds_the_pose_and_covers_it(
+    room: Array, look: Callable[..., Scan], method: str, seen_in: str
+) -> None:
+    rng = np.random.default_rng(0)
+    start, moved = np.array([2.0, 2.5, 0.3]), np.array([0.15, -0.08, 0.06])
+    first, scan = look(room, start, rng), look(room, se2.compose(start, moved), rng)
+    reference: Reference | LocalMap = Reference(first)
+    if seen_in == "local map":
+        reference = LocalMap(3)
+        reference.add(first, np.zeros(3))
+    result = match(reference, scan, moved + np.array([0.02, -0.02, 0.01]), method)
+    assert isinstance(result, Match)
+    error = se2.log(se2.between(result.T_reference_scan, moved))
+    assert np.all(np.abs(error) < [0.04, 0.04, 0.02])
+    P = result.covariance
+    np.testing.assert_allclose(P, P.T, atol=1e-12)
+    assert np.all(np.linalg.eigvalsh(P) > 0.0)
+    assert np.all(np.diff(result.information_eigenvalues) >= 0.0)
+    assert 0 < result.n_matches <= len(scan)
+
+
+@pytest.mark.parametrize("method", REGISTERED)
+def test_every_matcher_says_that_nothing_is_near(room: Array, look: Callable[..., Scan], method: str) -> None:
+    scan = look(room, np.array([2.0, 2.5, 0.3]))
+    result = match(scan, scan, np.array([500.0, 0.0, 0.0]), method)
+    assert isinstance(result, NoMatch)
+    assert result.reason
+
+
+@pytest.mark.parametrize("method", REGISTERED)
+def test_every_matcher_heeds_a_prior_that_is_certain(
+    room: Array, look: Callable[..., Scan], method: str
+) -> None:
+    rng = np.random.default_rng(0)
+    start, guess = np.array([2.0, 2.5, 0.3]), np.array([0.02, -0.02, 0.01])
+    result = match(
+        look(room, start, rng), look(room, start, rng), guess, method, prior_information=1e10 * np.eye(3)
+    )
+    assert isinstance(result, Match)
+    np.testing.assert_allclose(result.T_reference_scan, guess, atol=1e-3)

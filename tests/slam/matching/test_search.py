@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from slam import se2
 from slam.matching import Match, MatchConfig, Reference, match
-from slam.matching.estimate import SHARED, _spread
-from slam.matching.search import ANGLE, CAP, CELL, best_apart, correlate, misfit, smear, thinned
+from slam.matching.search import best_apart, correlate, misfit, smear, spread_of, thin_out
 from slam.scan import Scan
 from slam.se2 import Array
 
 FROM = np.array([2.0, 2.5, 0.3])
 MOVED = np.array([0.15, -0.08, 0.06])
 ALONE = MatchConfig(search_shift=0.0)
+DEFAULT = MatchConfig()
+SETTINGS = DEFAULT.kernel_settings
+CELL, ANGLE, CAP = DEFAULT.search_cell, DEFAULT.search_angle, DEFAULT.misfit_cap
 BADLY = np.array([-0.55, -0.55, -0.5])
 """An error of a guess that the descent alone does not recover from."""
 
@@ -31,6 +34,11 @@ def off(T: Array, answer: object) -> float:
         if isinstance(answer, Match)
         else np.inf
     )
+
+
+def window(shift: float, turn: float) -> Any:
+    """Kernel settings with a search this wide [m, rad]."""
+    return SETTINGS._replace(search_shift=shift, search_turn=turn)
 
 
 def test_bad_guesses_are_found_again(room: Array, look: Look) -> None:
@@ -61,10 +69,14 @@ def test_the_same_scan_again_is_a_robot_at_rest(corridor: Array, look: Look) -> 
 def test_answers_that_fit_as_well_widen_the_covariance() -> None:
     best = np.array([1.0, 0.0, np.pi - 0.01])
     others = np.array([[1.3, 0.0, np.pi - 0.01], [1.0, 0.0, -np.pi + 0.09], [9.0, 9.0, 0.0]])
-    costs = np.array([50.0, 50.0 + 2.0 * SHARED * np.log(2.0), 1e6])
+    costs = np.array([50.0, 50.0 + 2.0 * 10.0 * np.log(2.0), 1e6])
     # Weights 1 (itself), 1, ½ and 0: 0.09 and 0.01 over 2.5.
-    np.testing.assert_allclose(_spread(others, costs, best, 50.0), np.diag([0.036, 0.0, 0.002]), atol=1e-9)
-    np.testing.assert_array_equal(_spread(np.empty((0, 3)), np.empty(0), best, 50.0), np.zeros((3, 3)))
+    np.testing.assert_allclose(
+        spread_of(others, costs, best, 50.0, 10.0), np.diag([0.036, 0.0, 0.002]), atol=1e-9
+    )
+    np.testing.assert_array_equal(
+        spread_of(np.empty((0, 3)), np.empty(0), best, 50.0, 10.0), np.zeros((3, 3))
+    )
 
 
 def test_a_prior_outweighs_a_repeated_scan(corridor: Array, look: Look) -> None:
@@ -77,8 +89,8 @@ def test_a_prior_outweighs_a_repeated_scan(corridor: Array, look: Look) -> None:
 
 def test_far_points_do_not_make_a_huge_raster() -> None:
     far = np.array([[1.0, 0.0], [5e4, 0.0], [0.0, 2.0]])
-    np.testing.assert_array_equal(thinned(far), far[[0, 2]])
-    assert len(thinned(far[1:2])) == 0
+    np.testing.assert_array_equal(thin_out(far, SETTINGS), far[[0, 2]])
+    assert len(thin_out(far[1:2], SETTINGS)) == 0
 
 
 def test_a_prior_narrows_the_search(room: Array, look: Look) -> None:
@@ -111,12 +123,12 @@ def test_twin_of_misfit(room: Array, look: Look) -> None:
         else:
             total += CAP
     clouds = Reference(reference).cloud, Reference(scan).cloud
-    assert misfit(*clouds, pairs, MOVED) == pytest.approx(total / len(scan), rel=1e-9)
+    assert misfit(*clouds, pairs, MOVED, CAP, DEFAULT.same_side) == pytest.approx(total / len(scan), rel=1e-9)
 
 
 def test_smear_is_the_nearest_points_bell() -> None:
     points = np.array([[0.05, 0.05], [0.35, 0.05], [np.nan, np.nan]])
-    raster = smear(points, np.array([-0.5, -0.5]), np.array([1.0, 0.5]))
+    raster = smear(points, np.array([-0.5, -0.5]), np.array([1.0, 0.5]), CELL)
     assert raster.shape == (11, 16)
     assert raster[5, 5] == raster[5, 8] == 1.0
     assert raster[5, 6] == pytest.approx(np.exp(-0.5))
@@ -126,12 +138,12 @@ def test_smear_is_the_nearest_points_bell() -> None:
 
 def test_twin_of_correlate(room: Array, look: Look) -> None:
     rng = np.random.default_rng(5)
-    points, scan = look(room, FROM, rng).points, thinned(look(room, FROM, rng).points)[::6]
+    points, scan = look(room, FROM, rng).points, thin_out(look(room, FROM, rng).points, SETTINGS)[::6]
     guess = np.array([0.21, -0.13, 0.1])
-    scores = correlate(points, scan, guess, 0.2, 2.0 * ANGLE)
+    scores = correlate(points, scan, guess, window(0.2, 2.0 * ANGLE))
     assert scores.shape == (5, 5, 5)
     reach = np.linalg.norm(scan, axis=1).max() + 0.2 + 3.0 * CELL
-    raster = smear(points, guess[:2] - reach, guess[:2] + reach)
+    raster = smear(points, guess[:2] - reach, guess[:2] + reach, CELL)
     for k, r, q in ((0, 0, 0), (2, 2, 2), (4, 1, 3), (3, 4, 0)):
         pose = guess + np.array([(q - 2) * CELL, (r - 2) * CELL, (k - 2) * ANGLE])
         cells = np.floor((se2.transform(pose, scan) - guess[:2] + reach) / CELL + 1e-9).astype(int)
@@ -141,7 +153,7 @@ def test_twin_of_correlate(room: Array, look: Look) -> None:
 def test_the_best_scores_are_apart() -> None:
     scores = np.zeros((9, 9, 9), np.float32)
     scores[4, 4, 4], scores[4, 4, 5], scores[4, 4, 8], scores[0, 4, 4] = 9.0, 8.0, 7.0, 6.0
-    poses = best_apart(scores, np.array([1.0, 2.0, 0.5]), 5)
+    poses = best_apart(scores, np.array([1.0, 2.0, 0.5]), SETTINGS)
     np.testing.assert_allclose(
         poses, [[1.0, 2.0, 0.5], [1.0 + 4 * CELL, 2.0, 0.5], [1.0, 2.0, 0.5 - 4 * ANGLE]], atol=1e-12
     )
@@ -149,7 +161,7 @@ def test_the_best_scores_are_apart() -> None:
 
 def test_thinned_points_keep_their_distance() -> None:
     points = np.column_stack([np.arange(0.0, 3.0, 0.01), np.zeros(300)])
-    kept = thinned(points)
+    kept = thin_out(points, SETTINGS)
     assert 25 <= len(kept) <= 90
     assert np.all(np.diff(kept[:, 0]) >= 0.1 - 1e-9)
 
@@ -173,7 +185,7 @@ def test_every_setting_of_the_search_changes_something(
 )
 def test_the_window_is_as_wide_as_asked(shift: float, turn: float, poses: tuple[int, int, int]) -> None:
     points = np.array([[1.0, 0.0], [0.0, 2.0]])
-    assert correlate(points, points, np.zeros(3), shift, np.radians(turn)).shape == poses
+    assert correlate(points, points, np.zeros(3), window(shift, np.radians(turn))).shape == poses
 
 
 def test_directions_that_are_known_well_enough_are_not_searched(corridor: Array, look: Look) -> None:
