@@ -14,7 +14,7 @@ from scenarios.ablate.pieces import LENGTH
 from scenarios.ablate.study.stitching import PER_BUILDING, PER_TWIN_BUILDING, WITH_PRIOR
 from scenarios.ablate.trial import Row, Variant, attempt
 from scenarios.catalogue import CATALOGUE
-from scenarios.sweep import Answer, Failure, Swept, Trial
+from scenarios.sweep import Answer, Failure, SweepResult, Trial
 from slam.mapping.occupancy import Grid
 from stitch.align import AlignConfig, align
 
@@ -133,7 +133,7 @@ def rows_of(pairs: Sequence[Pair], variant: Variant) -> list[Row]:
     return rows
 
 
-def kept(swept: Swept, most: int) -> list[Report]:
+def kept(swept: SweepResult, most: int) -> list[Report]:
     """Reports of the buildings that helped to fill a bin, in their order; pairs beyond are left out.
 
     It does not matter how far ahead of a full bin the sweep was.

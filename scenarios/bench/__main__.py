@@ -45,20 +45,19 @@ def run(options: Options) -> None:
 
     from rich.console import Console
 
-    from scenarios.bench.measured import DATA, Asked
-    from scenarios.bench.table import measured_json, print_measured
+    from scenarios.bench.result import DATA_FOLDER, BenchmarkOptions, print_result, results_json
     from scenarios.environment import environment
     from scenarios.stages import Stages
 
-    asked = Asked(options.pairs, options.seed, options.data or DATA)
+    chosen = BenchmarkOptions(options.pairs, options.seed, options.data or DATA_FOLDER)
     names = [options.name] if options.name else BENCHES
     with one_core():
-        measured = {name: bench(name)(Stages(Console(stderr=True)), asked) for name in names}
+        results = {name: bench(name)(Stages(Console(stderr=True)), chosen) for name in names}
     if options.format == "json":
-        print(measured_json(measured, environment()))
+        print(results_json(results, environment()))
         return
-    for name, found in measured.items():
-        print_measured(name, found, environment())
+    for name, result in results.items():
+        print_result(name, result, environment())
 
 
 def _check(options: Options) -> None:

@@ -32,12 +32,8 @@ def building(segments: int, rng: np.random.Generator) -> Array:
         raise ValueError(f"segments: expected 4 or more, got {segments}")
     width, depth = np.array(SIZE) * math.sqrt(segments / SEGMENTS)
     x, y = _grid_lines(width, rng), _grid_lines(depth, rng)
-    outer = [
-        [0.0, 0.0, width, 0.0],
-        [width, 0.0, width, depth],
-        [width, depth, 0.0, depth],
-        [0.0, depth, 0.0, 0.0],
-    ]
+    corners = np.array([[0.0, 0.0], [width, 0.0], [width, depth], [0.0, depth]])
+    outer = np.hstack([corners, np.roll(corners, -1, axis=0)])
     upright, level = _walls_with_doors(x, y, rng), _walls_with_doors(y, x, rng)[:, [1, 0, 3, 2]]
     walls = np.vstack([outer, upright, level])
     left = segments - len(walls)

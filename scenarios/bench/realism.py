@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from tyro.conf import arg
@@ -21,10 +21,9 @@ from scenarios.catalogue import CATALOGUE
 from slam import se2
 from slam.cli import InputError, main, nearest
 from slam.se2 import Array
+from slam.table import ABSENT, Table
 
 if TYPE_CHECKING:
-    import rich.table
-
     from slam.odometry.track import Track
     from slam.recording import Recording
 
@@ -44,8 +43,8 @@ SLACK = 1e-6
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One figure of the real drive and its quartiles over the simulated ones; None where there is none."""
+class Comparison:
+    """One figure of the real drive, None without one, beside quartiles and extremes of the simulated ones."""
 
     name: str
     unit: str
@@ -66,25 +65,24 @@ class Figure:
         return "range" if self.least - SLACK <= self.real <= self.most + SLACK else "no"
 
 
-def compare(real: Recording | None, simulated: Sequence[Recording]) -> list[Figure]:
+def compare(real: Recording | None, simulated: Sequence[Recording]) -> list[Comparison]:
     """All figures of a real recording, or none, beside those of simulated ones. All need truth.
 
     Figures that every simulated drive is too short for are left out.
     """
-    found = [measure(recording) for recording in simulated]
-    known = {} if real is None else measure(real)
-    figures = []
-    for name in found[0]:
-        values = np.array([of_one[name] for of_one in found])
+    drives = [measure(recording) for recording in simulated]
+    of_real = {} if real is None else measure(real)
+    comparisons = []
+    for name in drives[0]:
+        values = np.array([drive[name] for drive in drives])
         values = values[np.isfinite(values)]
         if len(values) == 0:
             continue
-        low, median, high = np.percentile(values, QUARTILES).tolist()
-        of_real = known.get(name, np.nan)
-        real_figure = None if np.isnan(of_real) else of_real
-        ends = (float(values.min()), float(values.max()))
-        figures.append(Figure(*name, real_figure, low, median, high, *ends))
-    return figures
+        low, median, high, least, most = np.percentile(values, [*QUARTILES, 0, 100]).tolist()
+        value = of_real.get(name, np.nan)
+        real_value = None if np.isnan(value) else value
+        comparisons.append(Comparison(*name, real_value, low, median, high, least, most))
+    return comparisons
 
 
 def measure(recording: Recording) -> dict[tuple[str, str], float]:
@@ -96,10 +94,10 @@ def measure(recording: Recording) -> dict[tuple[str, str], float]:
         raise ValueError(f"{recording.name}: expected a recording with truth")
     ins, truth = printed(recording.dead_reckoning), printed(recording.truth)
     return {
-        **_matching(recording),
-        **({} if recording.attitude is None else _tilting(printed(recording.attitude))),
-        **_drifting(ins, truth),
-        **_moving(truth),
+        **_matching_figures(recording),
+        **({} if recording.attitude is None else _tilt_figures(printed(recording.attitude))),
+        **_drift_figures(ins, truth),
+        **_motion_figures(truth),
     }
 
 
@@ -108,7 +106,7 @@ def printed(values: Array, decimals: int = 2) -> Array:
     return np.round(values, decimals)
 
 
-def _matching(recording: Recording) -> dict[tuple[str, str], float]:
+def _matching_figures(recording: Recording) -> dict[tuple[str, str], float]:
     """What ManifoldSLAM's matcher makes of the scans, and how many beams come back."""
     from slam.odometry.tracker import MANIFOLD_SLAM, track
 
@@ -130,7 +128,7 @@ def _tried(track: Track) -> np.ndarray:
     return track.matches[stepped]
 
 
-def _tilting(attitude: Array) -> dict[tuple[str, str], float]:
+def _tilt_figures(attitude: Array) -> dict[tuple[str, str], float]:
     """Quantiles of roll and pitch off their running median, while the robot is upright."""
     from scipy.ndimage import median_filter
 
@@ -143,7 +141,7 @@ def _tilting(attitude: Array) -> dict[tuple[str, str], float]:
     }
 
 
-def _drifting(ins: Array, truth: Array) -> dict[tuple[str, str], float]:
+def _drift_figures(ins: Array, truth: Array) -> dict[tuple[str, str], float]:
     """How the INS's errors grow with turning and driving."""
     yaw_error = np.unwrap(ins[:, 2] - truth[:, 2])
     yaw_error = np.degrees(yaw_error - yaw_error[0])
@@ -175,11 +173,11 @@ def _counted(values: Array, least: float) -> Array:
     return length
 
 
-def _or_nan(statistic: object, values: Array) -> float:
-    return float(statistic(values)) if len(values) else np.nan  # type: ignore[operator]
+def _or_nan(statistic: Callable[[Array], Any], values: Array) -> float:
+    return float(statistic(values)) if len(values) else np.nan
 
 
-def _moving(truth: Array) -> dict[tuple[str, str], float]:
+def _motion_figures(truth: Array) -> dict[tuple[str, str], float]:
     """How far the robot comes and turns from scan to scan."""
     step = np.diff(truth, axis=0)
     return {
@@ -189,8 +187,8 @@ def _moving(truth: Array) -> dict[tuple[str, str], float]:
 
 
 def _quartiles(name: str, unit: str, values: Array) -> dict[tuple[str, str], float]:
-    found = np.percentile(values, QUARTILES) if len(values) else np.full(3, np.nan)
-    return {(f"{name}, {q} %", unit): float(v) for q, v in zip(QUARTILES, found, strict=True)}
+    quartiles = np.percentile(values, QUARTILES) if len(values) else np.full(3, np.nan)
+    return {(f"{name}, {q} %", unit): float(v) for q, v in zip(QUARTILES, quartiles, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -198,7 +196,7 @@ class Options:
     """Print the figures of a real log beside the quartiles of simulated drives."""
 
     log: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """A recording with truth, such as the log of the report's Experiment 1."""
+    """A recording with truth, such as the log of the thesis's Experiment 1."""
     seeds: Annotated[int, arg(metavar="N")] = 10
     """Simulated are seeds 0 to N - 1."""
     scenario: Annotated[str, arg(metavar="NAME")] = "hospital"
@@ -209,18 +207,15 @@ class Options:
 
 def run(options: Options) -> None:
     """Measure, compare, and print."""
-    figures = against_simulated(options.log, options.seeds, options.scenario)
+    comparisons = against_simulated(options.log, options.seeds, options.scenario)
     if options.format == "json":
-        print(as_json(figures))
+        print(as_json(comparisons))
         return
-    from rich.console import Console
-
     name = "nothing real" if options.log is None else options.log.name
-    title = f"{name} beside {options.scenario}, seeds 0 to {options.seeds - 1}"
-    Console(width=max(160, Console().width)).print(tabulated(figures, title))
+    tabulate(comparisons, f"{name} beside {options.scenario}, seeds 0 to {options.seeds - 1}").print()
 
 
-def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Figure]:
+def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Comparison]:
     """Figures of a real log, where there is one, beside seeds 0, 1, … of a scenario.
 
     Raises `InputError` for a log that cannot be read or has no truth, no seeds, or an unknown scenario.
@@ -242,27 +237,20 @@ def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Figur
     return compare(real, [simulate(CATALOGUE[scenario], seed).recording for seed in range(seeds)])
 
 
-def tabulated(figures: Sequence[Figure], title: str) -> rich.table.Table:
-    """The figures for the console: real, the simulated quartiles, and whether these lie around it."""
-    import rich.box
-    import rich.table
-
-    table = rich.table.Table(title=title, box=rich.box.SIMPLE)
-    table.add_column("figure")
-    for column in ("unit", "real", "simulated 25 %", "50 %", "75 %", "least", "most"):
-        table.add_column(column, justify="right")
-    table.add_column("brackets the real one")
-    for f in figures:
-        numbers = [
-            "–" if v is None else f"{v:.3g}" for v in (f.real, f.low, f.median, f.high, f.least, f.most)
-        ]
-        table.add_row(f.name, f.unit, *numbers, f.bracketed or "–")
-    return table
+def tabulate(comparisons: Sequence[Comparison], title: str) -> Table:
+    """A row for each figure: real, the simulated quartiles, and whether these lie around it."""
+    columns = ("figure", "unit", "real", "simulated 25 %", "50 %", "75 %", "least", "most")
+    rows = []
+    for c in comparisons:
+        values = (c.real, c.low, c.median, c.high, c.least, c.most)
+        numbers = [ABSENT if value is None else f"{value:.3g}" for value in values]
+        rows.append((c.name, c.unit, *numbers, c.bracketed or ABSENT))
+    return Table((*columns, "brackets the real one"), rows, title)
 
 
-def as_json(figures: Sequence[Figure]) -> str:
+def as_json(comparisons: Sequence[Comparison]) -> str:
     """The figures as a JSON list."""
-    return json.dumps([{**asdict(figure), "bracketed": figure.bracketed} for figure in figures], indent=1)
+    return json.dumps([{**asdict(c), "bracketed": c.bracketed} for c in comparisons], indent=1)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from scenarios.sweep.store import contents
 from slam.cli import main
 
 COMMAND = "scenarios.sweep"
@@ -24,8 +25,6 @@ class Options:
 
 def run(options: Options) -> None:
     """Counts, cost and tracebacks on stdout."""
-    from scenarios.sweep.contents import contents
-
     for line in contents(options.file):
         print(line)
 

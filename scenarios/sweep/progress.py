@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-QUIET = 30.0
+QUIET_S = 30.0
 """Least seconds between two plain lines."""
 
 
@@ -28,10 +28,6 @@ class Progress:
         """Trials that have ended, now or before."""
         return self.reused + self.ran
 
-    def found(self) -> None:
-        """A trial was answered by an earlier sweep."""
-        self.reused += 1
-
     def finished(self, failed: bool) -> None:
         """A trial has ended."""
         self.ran += 1
@@ -41,19 +37,16 @@ class Progress:
     def words(self) -> str:
         """Trials done, rate and time left, in one line."""
         of = "" if self.total is None else f" of {self.total}"
-        said = [f"{self.done}{of} trials"]
+        parts = [f"{self.done}{of} trials"]
         if self.failed:
-            said.append(f"{self.failed} failed")
+            parts.append(f"{self.failed} failed")
         seconds = time.monotonic() - self.started
         if self.ran:
-            said.append(_rate(self.ran / max(seconds, 1e-3)))
+            rate = self.ran / max(seconds, 1e-3)
+            parts.append(f"{rate:.1f}/s" if rate >= 1.0 else f"{60.0 * rate:.1f}/min")
             if self.total is not None:
-                said.append(f"{_span((self.total - self.done) * seconds / self.ran)} left")
-        return ", ".join(said)
-
-
-def _rate(per_second: float) -> str:
-    return f"{per_second:.1f}/s" if per_second >= 1.0 else f"{60.0 * per_second:.1f}/min"
+                parts.append(f"{_span((self.total - self.done) * seconds / self.ran)} left")
+        return ", ".join(parts)
 
 
 def _span(seconds: float) -> str:
@@ -66,30 +59,9 @@ def _span(seconds: float) -> str:
 @contextmanager
 def showing(name: str, total: int | None) -> Iterator[Progress]:
     """Progress of a study by name."""
-    with _live(name, total) if sys.stderr.isatty() else _plain(name, total) as progress:
-        yield progress
-
-
-@contextmanager
-def _plain(name: str, total: int | None) -> Iterator[Progress]:
-    """A line every now and then, for logs."""
-    last = time.monotonic()
-
-    def show(progress: Progress) -> None:
-        nonlocal last
-        if time.monotonic() - last >= QUIET:
-            last = time.monotonic()
-            say(progress.words())
-
-    def say(words: str) -> None:
-        print(f"{name}: {words}", file=sys.stderr, flush=True)
-
-    yield Progress(total, show, say)
-
-
-@contextmanager
-def _live(name: str, total: int | None) -> Iterator[Progress]:
-    """A bar that moves."""
+    if not sys.stderr.isatty():
+        yield _plain(name, total)
+        return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bars
@@ -102,3 +74,19 @@ def _live(name: str, total: int | None) -> Iterator[Progress]:
             bars.update(bar, completed=progress.done, description=progress.words())
 
         yield Progress(total, show, lambda words: bars.print(f"{name}: {words}"))
+
+
+def _plain(name: str, total: int | None) -> Progress:
+    """A line every now and then, for logs."""
+    last = time.monotonic()
+
+    def show(progress: Progress) -> None:
+        nonlocal last
+        if time.monotonic() - last >= QUIET_S:
+            last = time.monotonic()
+            say(progress.words())
+
+    def say(words: str) -> None:
+        print(f"{name}: {words}", file=sys.stderr, flush=True)
+
+    return Progress(total, show, say)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
-from scenarios.sweep.outcome import Outcome
-from scenarios.sweep.trial import Trial
+from scenarios.sweep.trial import Answer, Failure, Outcome, Trial
 from scenarios.sweep.version import code_version
 from slam.cli import InputError
 
@@ -36,22 +36,28 @@ class Store:
 
     def find(self, trial: Trial) -> Outcome | None:
         """What an earlier sweep found, None where there is no answer yet."""
-        found = self.connection.execute(
-            "SELECT rows, payload, traceback, seconds, preparing FROM trial WHERE traceback IS NULL AND "
+        row = self.connection.execute(
+            "SELECT rows, payload, seconds, preparing FROM trial WHERE traceback IS NULL AND "
             "study = ? AND scenario = ? AND seed = ? AND method = ? AND config_hash = ? AND version = ?",
             (*trial.key, code_version()),
         ).fetchone()
-        return None if found is None else Outcome(*found)
+        if row is None:
+            return None
+        rows, payload, seconds, preparing = row
+        return Outcome(Answer(json.loads(rows), payload), seconds, preparing)
 
     def keep(self, trial: Trial, outcome: Outcome) -> None:
         """Write an outcome; once this returns, no kill takes it away. Raises `InputError` on a full disk."""
-        row = (
-            *(*trial.key, code_version(), trial.config_text, outcome.rows, outcome.payload),
-            *(outcome.traceback, outcome.seconds, outcome.preparing),
-        )
+        result, cost = outcome.result, (outcome.seconds, outcome.preparing)
+        if isinstance(result, Failure):
+            content = "[]", b"", result.traceback
+        else:
+            content = json.dumps(result.rows), result.payload, None  # type: ignore[assignment]
+        row = (*trial.key, code_version(), trial.config_text, *content, *cost)
+        marks = ",".join("?" * len(row))
         try:
             with self.connection:
-                self.connection.execute(f"INSERT OR REPLACE INTO trial VALUES ({_marks(row)})", row)
+                self.connection.execute(f"INSERT OR REPLACE INTO trial VALUES ({marks})", row)
         except sqlite3.OperationalError as error:
             raise InputError(f"{self.path}: {error}; {self.kept}") from error
 
@@ -59,19 +65,12 @@ class Store:
     def kept(self) -> str:
         """What is safe, in words."""
         where = "" if self.path is None else f" in {self.path}; the same command goes on from there"
-        return f"{self.answered()} answers are kept{where}"
-
-    def answered(self) -> int:
-        """How many trials have an answer."""
-        return self.connection.execute("SELECT count(*) FROM trial WHERE traceback IS NULL").fetchone()[0]
+        query = "SELECT count(*) FROM trial WHERE traceback IS NULL"
+        return f"{self.connection.execute(query).fetchone()[0]} answers are kept{where}"
 
     def is_empty(self) -> bool:
         """Whether no trial is kept, not even a failed one."""
         return self.connection.execute("SELECT 1 FROM trial").fetchone() is None
-
-
-def _marks(row: tuple[object, ...]) -> str:
-    return ",".join("?" * len(row))
 
 
 @contextlib.contextmanager
@@ -81,7 +80,7 @@ def opened(path: Path | None, fresh: bool = False) -> Iterator[Store]:
     Raises `InputError` where the file is something else, of other code, in use, or cannot be written. What
     was made here is taken away again when nothing was kept in it.
     """
-    made = [] if path is None else [one for one in (path, *path.parents) if not one.exists()]
+    made = [] if path is None else [place for place in (path, *path.parents) if not place.exists()]
     try:
         with contextlib.closing(_connected(path, fresh)) as connection:
             store = Store(connection, path)
@@ -90,8 +89,9 @@ def opened(path: Path | None, fresh: bool = False) -> Iterator[Store]:
             finally:
                 made = made if store.is_empty() else []
     finally:
-        for one in made:
-            _take_away(one)
+        for place in made:
+            with contextlib.suppress(OSError):  # a folder that somebody else has put something into stays
+                place.rmdir() if place.is_dir() else place.unlink()
 
 
 def _connected(path: Path | None, fresh: bool) -> sqlite3.Connection:
@@ -116,7 +116,7 @@ def _connected(path: Path | None, fresh: bool) -> sqlite3.Connection:
             connection.close()
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: {complaint(error)}") from error
+        raise InputError(f"{path}: {_complaint(error)}") from error
     return connection
 
 
@@ -140,7 +140,7 @@ def _same_code(connection: sqlite3.Connection, path: Path | None) -> None:
         )
 
 
-def complaint(error: Exception) -> str:
+def _complaint(error: Exception) -> str:
     """What SQLite found wrong with a file, in the words of whoever sweeps."""
     if "locked" in str(error):
         return "another sweep is writing to it"
@@ -149,6 +149,36 @@ def complaint(error: Exception) -> str:
     return str(error)
 
 
-def _take_away(path: Path) -> None:
-    with contextlib.suppress(OSError):  # a folder that somebody else has put something into stays
-        path.rmdir() if path.is_dir() else path.unlink()
+def contents(path: Path) -> Iterator[str]:
+    """Lines for reading: answers, failures and seconds per trial by study and method, then every traceback.
+
+    Raises `InputError` where the file is none of a sweep's.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: expected the file of a sweep")
+    address = f"{path.resolve().as_uri()}?mode=ro"
+    try:
+        with contextlib.closing(sqlite3.connect(address, uri=True, timeout=0.0)) as file:
+            yield from _counts(file)
+            yield from _tracebacks(file)
+    except sqlite3.Error as error:
+        raise InputError(f"{path}: {_complaint(error)}") from error
+
+
+def _counts(file: sqlite3.Connection) -> Iterator[str]:
+    groups = file.execute(
+        "SELECT study, method, version, count(*), sum(traceback IS NOT NULL), avg(seconds) FROM trial "
+        "GROUP BY study, method, version ORDER BY study, method, version"
+    )
+    for study, method, version, count, failed, seconds in groups:
+        counts = f"{count - failed} answered, {failed} failed"
+        yield f"{study} {method}: {counts}, {seconds:.3g} s per trial ({version})"
+
+
+def _tracebacks(file: sqlite3.Connection) -> Iterator[str]:
+    failures = file.execute(
+        "SELECT study, scenario, seed, method, traceback FROM trial WHERE traceback IS NOT NULL "
+        "ORDER BY study, scenario, seed, method"
+    )
+    for study, scenario, seed, method, traceback in failures:
+        yield f"\n{study} {scenario} {seed} {method}\n{traceback.rstrip()}"

@@ -33,14 +33,10 @@ class Trial:
         return json.dumps(self.config, sort_keys=True, separators=(",", ":"))
 
     @property
-    def config_hash(self) -> str:
-        """Of the configuration: 16 hexadecimal digits."""
-        return hashlib.sha256(self.config_text.encode()).hexdigest()[:16]
-
-    @property
     def key(self) -> tuple[str, str, int, str, str]:
-        """What tells a trial from all others of the same code."""
-        return self.study, self.scenario, self.seed, self.method, self.config_hash
+        """What tells a trial from all others of the same code, the configuration by its hash."""
+        config_hash = hashlib.sha256(self.config_text.encode()).hexdigest()[:16]
+        return self.study, self.scenario, self.seed, self.method, config_hash
 
     @property
     def name(self) -> str:
@@ -67,3 +63,18 @@ class Failure:
     def line(self) -> str:
         """The error in one line."""
         return self.traceback.splitlines()[0]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a trial ended, with its cost: ``seconds`` it took, and ``preparing`` those that were spent once for
+    all trials of its drive (wall time)."""
+
+    result: Answer | Failure
+    seconds: float = 0.0
+    preparing: float = 0.0
+
+    @property
+    def failed(self) -> bool:
+        """Whether the trial has no answer."""
+        return isinstance(self.result, Failure)

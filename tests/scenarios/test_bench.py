@@ -16,13 +16,12 @@ from rich.console import Console
 from scenarios.bench import __main__ as command
 from scenarios.bench import suite
 from scenarios.bench.building import building, free_poses
-from scenarios.bench.figure import Figure, seconds
-from scenarios.bench.measured import Asked, Measured, Table
+from scenarios.bench.result import BenchmarkOptions, BenchmarkResult, Figure, three_digits, time_calls
 from scenarios.bench.suite import sim as bench
-from scenarios.bench.table import number
 from scenarios.stages import Stages
 from sim.laser import Raycaster
 from slam.cli import main
+from slam.table import Table
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -69,7 +68,7 @@ def test_figures_are_compared_repetition_by_repetition():
 
 def test_calls_take_turns_and_the_first_is_not_counted():
     order: list[str] = []
-    taken = seconds({"a": lambda: order.append("a"), "b": lambda: order.append("b")}, repetitions=2)
+    taken = time_calls({"a": lambda: order.append("a"), "b": lambda: order.append("b")}, repetitions=2)
     assert order == ["a", "b"] * 3
     assert {name: len(times) for name, times in taken.items()} == {"a": 2, "b": 2}
 
@@ -78,7 +77,7 @@ def test_calls_take_turns_and_the_first_is_not_counted():
     ("value", "text"), [(0.0, "0"), (0.2514, "0.251"), (31.26, "31.3"), (99.99, "100"), (1234.6, "1235")]
 )
 def test_numbers_have_three_digits(value, text):
-    assert number(value) == text
+    assert three_digits(value) == text
 
 
 def test_pymunk_is_asked_for_the_same_ranges():
@@ -105,7 +104,7 @@ def test_the_bench_of_the_simulator_has_every_figure(monkeypatch):
         monkeypatch.setattr(bench, name, value)
     lasted = SimpleNamespace(recording=SimpleNamespace(time=np.array([1.0, 3.0, 9.0])))
     monkeypatch.setattr(bench, "simulate", lambda scenario, seed: lasted)
-    figures = {f.name: f for f in bench.run(Stages(Console(quiet=True)), Asked()).figures}
+    figures = {f.name: f for f in bench.run(Stages(Console(quiet=True)), BenchmarkOptions()).figures}
     for name in (
         "pymunk", "flat", "tilted", "flat, turned", "tilted, hospital", "flat / pymunk", "tilted / pymunk",
         "flat, 200 segments", "flat, 400 segments", "time per ray, 400 / 200 segments",
@@ -119,11 +118,11 @@ def test_the_bench_of_the_simulator_has_every_figure(monkeypatch):
 def pretend(monkeypatch, *words: str) -> int:
     """Run the command with a bench that measures nothing."""
     figures = [Figure("flat", "M rays/s", (3.0, 1.0, 2.0), "a note")]
-    table = Table("Success", ("matcher", "easy"), (("ours", "100.0 [98.7–100.0]"),))
-    measured = Measured(
+    table = Table(("matcher", "easy"), [("ours", "100.0 [98.7–100.0]")], "Success")
+    result = BenchmarkResult(
         figures, [table], {"scores": [{"matcher": "ours", "success": 1.0}]}, ["one is left out"]
     )
-    monkeypatch.setattr(command, "bench", lambda name: lambda stages, asked: measured)
+    monkeypatch.setattr(command, "bench", lambda name: lambda stages, options: result)
     monkeypatch.setattr(sys, "argv", ["bench", *words])
     return main(command.Options, command.COMMAND, command.run)
 

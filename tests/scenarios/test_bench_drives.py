@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from scenarios.bench.lengthened import YAW_WALK, there_and_back
-from scenarios.bench.measured import Asked
+from scenarios.bench.result import BenchmarkOptions
 from scenarios.bench.suite import drives
+from scenarios.bench.suite.drives import YAW_WALK, replay_back_and_forth
 from scenarios.stages import Stages
 from slam import se2
 from slam.recording import Laser, Recording
@@ -26,7 +26,7 @@ def line(n: int = 20) -> Recording:
 
 def test_it_goes_there_and_back_with_new_noise_and_a_new_drift() -> None:
     once = line()
-    far = there_and_back(once, 3, np.random.default_rng(0))
+    far = replay_back_and_forth(once, 3, np.random.default_rng(0))
     assert len(far) == 60
     assert far.distance == pytest.approx(3.0 * once.distance)
     np.testing.assert_array_equal(far.truth[20:40], once.truth[::-1])  # type: ignore[index]
@@ -40,7 +40,7 @@ def test_it_goes_there_and_back_with_new_noise_and_a_new_drift() -> None:
     assert 0.0 < np.abs(drift[:, :2]).max() < 0.1
     np.testing.assert_allclose(np.diff(far.time), 2.0)
     with pytest.raises(ValueError, match="expected 1 time or more, got 0"):
-        there_and_back(once, 0, np.random.default_rng(0))
+        replay_back_and_forth(once, 0, np.random.default_rng(0))
 
 
 def test_the_bench_tells_time_memory_and_their_growth(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,7 +53,7 @@ def test_the_bench_tells_time_memory_and_their_growth(monkeypatch: pytest.Monkey
     once = replace(line(), truth=None, dead_reckoning=se2.compose(line().dead_reckoning, [0.0, 0.0, 0.1]))
     monkeypatch.setattr(drives, "METHODS", {"slamstitch": method})
     monkeypatch.setattr("sim.record.simulate", lambda scenario, seed: SimpleNamespace(recording=once))
-    found = drives.run(Stages(Console(quiet=True)), Asked())
+    found = drives.run(Stages(Console(quiet=True)), BenchmarkOptions())
     assert [len(recording) for recording in seen[1:]] == [20, 200]
     times = {figure.name: figure for figure in found.figures}
     growth = times["10 x as far takes"]

@@ -105,7 +105,7 @@ def test_logs_that_cannot_be_used_are_bad_input(logs, tmp_path, built):
     (tmp_path / making.EXPERIMENT_1).parent.mkdir(parents=True)
     recording_npz.write(tmp_path / making.EXPERIMENT_1, drive)
     with pytest.raises(InputError, match=r"Robot1.log.*true poses"):
-        bench.pair_sets(bench.Asked(3, 0, tmp_path), np.random.default_rng(0))
+        bench.pair_sets(bench.BenchmarkOptions(3, 0, tmp_path), np.random.default_rng(0))
 
 
 # The bound

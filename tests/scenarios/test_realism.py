@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenarios.bench import realism
-from scenarios.bench.realism import Figure
+from scenarios.bench.realism import Comparison
 from slam import se2
 from slam.cli import InputError
 from slam.formats import load, recording_npz
@@ -122,8 +122,8 @@ def test_tilt_is_shaking_not_an_offset_and_not_a_fall() -> None:
 
 
 def test_comparison_says_whether_the_quartiles_lie_around_the_real_figure() -> None:
-    def figure(real: float | None) -> Figure:
-        return Figure("steps", "m", real, 1.0, 2.0, 3.0, 0.5, 4.0)
+    def figure(real: float | None) -> Comparison:
+        return Comparison("steps", "m", real, 1.0, 2.0, 3.0, 0.5, 4.0)
 
     assert [figure(real).bracketed for real in (None, 2.5, 3.5, 4.5)] == [None, "quartiles", "range", "no"]
 
@@ -138,7 +138,7 @@ def test_quartiles_are_over_the_simulated_drives() -> None:
     assert step.real == pytest.approx(0.2, abs=0.01)
     assert "INS yaw error after 100 m" not in figures  # all too short
     assert {figure.real for figure in realism.compare(None, drives[:1])} == {None}
-    assert len(realism.tabulated(list(figures.values()), "t").rows) == len(figures)
+    assert len(realism.tabulate(list(figures.values()), "t").rows) == len(figures)
     assert '"bracketed"' in realism.as_json(list(figures.values()))
 
 

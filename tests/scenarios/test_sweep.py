@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 
 from scenarios.ablate.study import STUDIES
-from scenarios.sweep import Answer, Failure, Trial, check, cluster, finish, sweep, version, write_results
-from scenarios.sweep.contents import contents
+from scenarios.sweep import Answer, Failure, Trial, check, executors, finish, sweep, version, write_results
 from scenarios.sweep.progress import Progress
-from scenarios.sweep.store import Store, opened
-from scenarios.sweep.summary import told
+from scenarios.sweep.run import summary_lines
+from scenarios.sweep.store import Store, contents, opened
 from slam.cli import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -172,8 +171,8 @@ def test_a_worker_of_other_code_is_refused_by_name(monkeypatch: pytest.MonkeyPat
     """A worker of this machine that finds the code edited: the version here is another one."""
     version.code_version.cache_clear()  # as a process that has just been started finds it
     theirs = version.code_version()
-    monkeypatch.setattr("scenarios.sweep.course.code_version", lambda: "9.9+abc")
-    monkeypatch.setattr("scenarios.sweep.cluster.code_version", lambda: "9.9+abc")
+    monkeypatch.setattr("scenarios.sweep.scheduler.code_version", lambda: "9.9+abc")
+    monkeypatch.setattr("scenarios.sweep.executors.code_version", lambda: "9.9+abc")
     with pytest.raises(InputError, match=re.escape(f"it was 9.9+abc, now {theirs}") + "$"):
         sweep(trials(1), check_nothing, None, workers=2)
 
@@ -241,8 +240,8 @@ def test_a_scheduler_that_does_not_answer_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One that listens and says nothing: one line soon, and no folder."""
-    assert cluster.PATIENCE < 8.0
-    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    assert executors.SCHEDULER_TIMEOUT_S < 8.0
+    monkeypatch.setattr(executors, "SCHEDULER_TIMEOUT_S", 0.5)
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
         mute.listen()
@@ -308,7 +307,7 @@ def test_progress_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[str] = []
     progress = Progress(40, lambda one: shown.append(one.words()), shown.append)
     for _ in range(10):
-        progress.found()
+        progress.reused += 1
     monkeypatch.setattr(time, "monotonic", lambda: 100.0)
     for k in range(10):
         progress.finished(failed=k == 3)
@@ -323,7 +322,7 @@ def test_the_cost_is_told_by_method() -> None:
         time.sleep(0.02 if trial.method == "b" else 0.0)
         return Answer([])
 
-    lines = told(alone(trials(2), answer=slow, prepare=lambda *_: time.sleep(0.01)), None)
+    lines = summary_lines(alone(trials(2), answer=slow, prepare=lambda *_: time.sleep(0.01)), None)
     words = lines[1].split()
     assert lines[0] == "4 trials ran"
     assert words[:4] == ["seconds", "per", "trial:", "a"]

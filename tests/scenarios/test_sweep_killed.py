@@ -19,10 +19,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from scenarios.sweep import Answer, cluster, sweep
+from scenarios.sweep import Answer, executors, sweep
 from scenarios.sweep.store import opened
 from scenarios.sweep.version import code_version
+from slam.cli import InputError
 
+pytestmark = pytest.mark.study
 HERE, CHECKOUT = Path(__file__).parent, Path(__file__).parents[2]
 DRIVES, SECONDS = 100, 0.02
 
@@ -44,7 +46,7 @@ class House:
     def __init__(self, toy: ModuleType, store: Path, log: Path) -> None:
         self.toy, self.store, self.log = toy, store, log
         self.context = multiprocessing.get_context("forkserver")
-        self.context.set_forkserver_preload(["distributed", "scenarios.sweep.cluster", "toy_sweep"])
+        self.context.set_forkserver_preload(["distributed", "scenarios.sweep.executors", "toy_sweep"])
         with closing(socket.socket()) as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
@@ -132,11 +134,8 @@ def test_twenty_kills_change_nothing(
     assert toy.table(survived) == toy.table(undisturbed)
 
 
-def test_whoever_kills_its_workers_is_recorded_and_the_others_go_on(
-    toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whoever_kills_its_workers_is_recorded_and_the_others_go_on(toy: ModuleType, tmp_path: Path) -> None:
     """Processes of this machine: one trial dies with every worker that tries it, one raises."""
-    monkeypatch.setattr(cluster, "RECOUNT", toy.OFTEN)
     store = tmp_path / "sweep.sqlite"
     swept = sweep(toy.trials(3), toy.suicidal, store, prepare=toy.prepare, workers=2)
     assert [(trial.seed, trial.method, found.line) for trial, found in swept.failed] == [
@@ -146,6 +145,23 @@ def test_whoever_kills_its_workers_is_recorded_and_the_others_go_on(
     assert len(swept.answered) == 4
     again = sweep(toy.trials(3), toy.answer, store, prepare=toy.prepare, workers=1)
     assert (again.ran, again.reused, again.failed) == (2, 4, [])
+
+
+def test_workers_that_die_as_they_start_end_the_sweep(
+    toy: ModuleType, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A function that no process survives is served."""
+    monkeypatch.setattr(executors, "serve", sys.exit)
+    monkeypatch.setattr(executors, "MAX_START_ATTEMPTS", 3)
+    with pytest.raises(InputError, match="workers die as they start, the last with exit code 1"):
+        sweep(toy.trials(3), toy.answer, None, workers=2)
+
+
+def test_a_worker_has_one_thread_and_says_what_it_cannot_return(toy: ModuleType) -> None:
+    with pytest.raises(InputError, match=r"cannot run trials: .*pickle"):
+        sweep(toy.trials(1), toy.answer, None, prepare=toy.unpicklable, workers=2)
+    alone = sweep(toy.trials(1), toy.threads, None, workers=2)
+    assert [answer.rows for _, answer in alone.answered] == [[{"threads": "1", "numpy": False}]] * 2
 
 
 def test_workers_of_a_killed_sweep_do_not_outlive_it(toy: ModuleType, tmp_path: Path) -> None:
@@ -166,16 +182,18 @@ def test_workers_of_a_killed_sweep_do_not_outlive_it(toy: ModuleType, tmp_path: 
     }
     for number, process in processes.items():
         _wait(lambda number=number: len(begun(logs[number])) >= 2)
-        workers = _children(process.pid)
-        assert len(workers) == 2
+        children = _children(process.pid)
+        assert sum("spawn_main" in command for command in children.values()) == 2
         process.send_signal(number)
         assert (process.wait(20.0), process.stderr.read()) == ends[number]  # type: ignore[union-attr]
-        _wait(lambda workers=workers: not any(Path(f"/proc/{pid}/cmdline").exists() for pid in workers))
+        _wait(lambda pids=tuple(children): not any(Path(f"/proc/{pid}/cmdline").exists() for pid in pids))
 
 
-def _children(parent: int) -> list[int]:
-    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(parent)], capture_output=True, text=True)
-    return [int(word) for word in found.stdout.split()]
+def _children(parent: int) -> dict[int, str]:
+    """Commands of the processes that a process has started, by their number."""
+    command = ["ps", "-ww", "-o", "pid=,args=", "--ppid", str(parent)]
+    listed = subprocess.run(command, capture_output=True, text=True).stdout
+    return {int(pid): arguments for pid, arguments in (line.split(None, 1) for line in listed.splitlines())}
 
 
 def _wait(until) -> None:

@@ -12,7 +12,7 @@ import time
 from functools import partial
 from pathlib import Path
 
-from scenarios.sweep import Answer, Swept, Trial, cluster, sweep
+from scenarios.sweep import Answer, SweepResult, Trial, executors, sweep
 from slam.cli import InputError
 
 METHODS = ("plain", "odd")
@@ -50,7 +50,16 @@ def suicidal(trial: Trial, material: object) -> Answer:
     return answer(trial, material)  # type: ignore[arg-type]
 
 
-def table(swept: Swept) -> list[str]:
+def unpicklable(scenario: str, seed: int) -> object:
+    return lambda: None
+
+
+def threads(trial: Trial, material: object) -> Answer:
+    """What limits the threads of numpy, and whether it was loaded before that was said."""
+    return Answer([{"threads": os.environ["OPENBLAS_NUM_THREADS"], "numpy": "numpy" in sys.modules}])
+
+
+def table(swept: SweepResult) -> list[str]:
     """The answers, bit by bit."""
     return [f"{trial.key} {list(found.rows)!r} {found.payload!r}" for trial, found in swept.answered]
 
@@ -69,17 +78,22 @@ def scheduler(port: int) -> None:
 
 def worker(port: int) -> None:
     """A Dask worker, as a process."""
-    from scenarios.sweep.worker import work
+    from distributed import Worker
+
+    async def serve() -> None:
+        address, quiet = f"tcp://127.0.0.1:{port}", logging.CRITICAL
+        async with Worker(address, nthreads=1, memory_limit=0, dashboard=False, silence_logs=quiet) as one:
+            await one.finished()
 
     logging.disable()
-    asyncio.run(work(f"tcp://127.0.0.1:{port}"))
+    asyncio.run(serve())
 
 
 def sweeper(port: int, store: Path, drives: int, seconds: float, log: str) -> None:
     """A sweep, as a process: exits with 2 when the scheduler goes."""
-    cluster.RECOUNT = OFTEN
+    executors.POLL_S = OFTEN
     try:
-        run = partial(sweep, answer=answer, store=store, prepare=prepare)
+        run = partial(sweep, run_trial=answer, store=store, prepare=prepare)
         run(trials(drives, seconds, log), scheduler=f"tcp://127.0.0.1:{port}")
     except InputError:
         sys.exit(2)

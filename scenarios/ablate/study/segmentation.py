@@ -20,7 +20,7 @@ from slam.cli import InputError
 
 if TYPE_CHECKING:
     from scenarios.ablate.segmentation.findings import Findings
-    from scenarios.sweep import Swept
+    from scenarios.sweep import SweepResult
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def checked(options: Options) -> tuple[list[str], list[int], list[str]]:
     return scenarios, seeds, measures
 
 
-def write(options: Options, found: Findings, verdict: Sequence[str], swept: Swept) -> None:
+def write(options: Options, found: Findings, verdict: Sequence[str], swept: SweepResult) -> None:
     """results.csv, the figures and the page."""
     from scenarios.ablate.segmentation.page import pictures, render
     from scenarios.ablate.segmentation.table import results_csv
@@ -114,9 +114,9 @@ def write(options: Options, found: Findings, verdict: Sequence[str], swept: Swep
     (options.out / "index.html").write_text(page, encoding="utf-8")
 
 
-def cost(swept: Swept) -> str:
+def cost(swept: SweepResult) -> str:
     """What the trials took, each on average, as the clock has it."""
-    outcomes = [outcome for outcome in swept.outcomes if outcome.traceback is None]
+    outcomes = [outcome for outcome in swept.outcomes if not outcome.failed]
     preparing = [outcome.preparing for outcome in outcomes if outcome.preparing > 0.0]
     seconds = sum(outcome.seconds for outcome in outcomes)
     return (

@@ -14,10 +14,10 @@ import numpy as np
 from scenarios.bench.matching.bound import Efficiency, efficiency
 from scenarios.bench.matching.matchers import DEFAULT, Variant
 from scenarios.bench.matching.pairs import APART, Pair, look
-from scenarios.bench.matching.scores import ask, error
+from scenarios.bench.matching.scores import match_all, matches_and_errors
 from sim.laser import Raycaster
 from slam import se2
-from slam.matching import RAW_WSM, Match
+from slam.matching import RAW_WSM
 from slam.se2 import Array
 
 ROOM = np.array([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0]], dtype=float)
@@ -84,11 +84,10 @@ def pairs_at(place: str, count: int, rng: np.random.Generator) -> tuple[Pair, ..
 
 def trials(variant: Variant, pairs: Sequence[Pair], guesses: Array) -> Trials:
     """Match all pairs. Pairs without an answer are left out."""
-    answers, _ = ask(variant.matcher, pairs, guesses)
-    matched = [(p, answer) for p, answer in zip(pairs, answers, strict=True) if isinstance(answer, Match)]
+    results, _ = match_all(variant.matcher, pairs, guesses)
+    matched, errors = matches_and_errors(pairs, results)
     turns = np.array([turned(pair.poses[1, 2]) for pair, _ in matched]).reshape(-1, 3, 3)
-    errors = np.array([error(*found) for found in matched]).reshape(-1, 3)
-    covariances = np.array([answer.covariance for _, answer in matched]).reshape(-1, 3, 3)
+    covariances = np.array([match.covariance for _, match in matched]).reshape(-1, 3, 3)
     return Trials(
         tuple(pair for pair, _ in matched),
         np.einsum("nij,nj->ni", turns, errors),

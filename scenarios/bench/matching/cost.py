@@ -1,18 +1,20 @@
-"""What matching costs: against a local map, the whole front end, and the memory of a long drive."""
+"""What matching costs: time of a match, of the whole front end, and the memory of a long drive."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from scenarios.bench.building import SEGMENTS, building, free_poses
-from scenarios.bench.figure import Figure, seconds
 from scenarios.bench.matching.calibration import ROOM
 from scenarios.bench.matching.matchers import OURS
-from scenarios.bench.matching.pairs import ANGLES, EASY, INTEL, LASER, near
-from scenarios.bench.matching.scores import within_limits
+from scenarios.bench.matching.pairs import ANGLES, EASY, INTEL, LASER, Pair, near
+from scenarios.bench.matching.scores import Matcher, within_limits
+from scenarios.bench.result import Figure, time_calls
 from scenarios.stages import Stages
 from sim.laser import Raycaster
 from slam import se2
@@ -33,6 +35,43 @@ RUNS = 3
 """Repetitions of the front end."""
 
 
+@dataclass(frozen=True)
+class MatchTimes:
+    """Median processor time [ms] of a match."""
+
+    scans: float
+    """From two scans, as the scores have it."""
+    ready: float
+    """Both scans prepared before (index, covariances)."""
+    ranges: float
+    """From what the laser says, points and all that is read from them included."""
+
+
+def match_times(
+    matchers: Mapping[str, Matcher], pairs: Sequence[Pair], guesses: Array
+) -> dict[str, MatchTimes]:
+    """Times of all matchers, which take turns pair by pair so that what else the machine does meets all."""
+    taken: dict[str, list[tuple[float, float, float]]] = {name: [] for name in matchers}
+    for pair, guess in zip(pairs, guesses, strict=True):
+        for name, matcher in matchers.items():
+            taken[name].append(_timed(matcher, replace(pair), guess))  # a copy, whose scans are not read yet
+    medians = {name: 1e3 * np.median(rows, axis=0) for name, rows in taken.items()}
+    return {name: MatchTimes(float(m[0]), float(m[1]), float(m[2])) for name, m in medians.items()}
+
+
+def _timed(matcher: Matcher, pair: Pair, guess: Array) -> tuple[float, float, float]:
+    """Seconds of one match from scans, from what is prepared, and from ranges."""
+    start = time.process_time()
+    scans = [matcher.read(pair, which) for which in (0, 1)]
+    have_scans = time.process_time()
+    reference, scan = map(matcher.prepare, scans)
+    matcher.match(reference, scan, guess)
+    end = time.process_time()
+    matcher.match(reference, scan, guess)
+    again = time.process_time() - end
+    return end - have_scans, again, end - start
+
+
 def local_map(rng: np.random.Generator) -> list[Figure]:
     """Time [ms] to match a scan against a local map of 20 scans, and to add a scan to it."""
     walls = building(SEGMENTS, rng)
@@ -49,10 +88,10 @@ def local_map(rng: np.random.Generator) -> list[Figure]:
             query = Reference(_scan(caster, se2.compose(place, T), rng))
             guess = T + rng.uniform(-1.0, 1.0, 3) * [EASY[0], EASY[0], EASY[1]]
             started = time.process_time()
-            answer = OURS.answer(seen, query, guess)
+            match = OURS.match(seen, query, guess)
             matching.append(1e3 * (time.process_time() - started))
-            if isinstance(answer, Match):
-                errors.append(se2.between(answer.T_reference_scan, T))
+            if isinstance(match, Match):
+                errors.append(se2.between(match.T_reference_scan, T))
     right = 100.0 * np.sum(within_limits(np.reshape(errors, (-1, 3)))) / len(matching)
     # the first of each compiled
     return [
@@ -66,12 +105,9 @@ def front_end(data: Path) -> list[Figure]:
     if not (data / INTEL).is_file():
         return []
     recording = load(data / INTEL)
-    taken = seconds({"track": lambda: track(recording)}, RUNS)["track"]
-    return [
-        Figure(
-            "front end, Intel", "scans/s", tuple(len(recording) / t for t in taken), "from ranges to poses"
-        )
-    ]
+    taken = time_calls({"track": lambda: track(recording)}, RUNS)["track"]
+    rates = tuple(len(recording) / seconds for seconds in taken)
+    return [Figure("front end, Intel", "scans/s", rates, "from ranges to poses")]
 
 
 def memory(stages: Stages, rng: np.random.Generator) -> list[Figure]:

@@ -25,10 +25,10 @@ class Variant:
 
     @property
     def matcher(self) -> Matcher:
-        """What the scores ask."""
-        return Matcher(lambda pair, which: pair.scans[which], Reference, self.answer)
+        """The variant as the scores take it."""
+        return Matcher(lambda pair, which: pair.scans[which], Reference, self.match)
 
-    def answer(self, reference: Reference | LocalMap, scan: Reference, guess: Array) -> Match | NoMatch:
+    def match(self, reference: Reference | LocalMap, scan: Reference, guess: Array) -> Match | NoMatch:
         """A match from a guess ``(3,)``."""
         return match(reference, scan, guess, self.method, self.covariance, config=self.config)
 

@@ -1,4 +1,4 @@
-"""What a matcher's answers are worth: success, silence about failures, consistency, error, time."""
+"""Scores of a matcher: success, silence about failures, consistency, error, time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -18,18 +17,15 @@ from slam.se2 import Array
 
 LIMIT = (0.10, math.radians(2.0))
 """Error [m, rad] up to which an answer is a success."""
-COVERED = 14.156
-"""χ² of three degrees of freedom that 99.73 % (three standard deviations) stay under."""
-CHI2_MEDIAN = 2.366
-"""Median of χ² of three degrees of freedom."""
-CONFIDENCE = 0.95
+COVERED_SHARE = 0.9973
+"""An error is covered up to the χ² that this share of honest ones stays under: three standard deviations."""
 SINGULAR = 1e-12
 """Variance [m², rad²] added to what is claimed: UsarCommander's covariance can be singular. It can also be so
 large (10¹²) that its smaller directions are lost to rounding; those then claim nothing."""
 
 
 @dataclass(frozen=True)
-class Answer:
+class PoseEstimate:
     """Where a matcher puts a scan ``(3,)``, and the covariance ``(3, 3)`` it claims, None if it claims
     none."""
 
@@ -37,18 +33,19 @@ class Answer:
     covariance: Array | None
 
 
+Result = PoseEstimate | Match | NoMatch
+
+
 @dataclass(frozen=True)
 class Matcher:
-    """How to ask somebody for a match, in the three steps whose times differ in what they belong to.
+    """A matcher in three steps, which are timed apart."""
 
-    ``given``: what it takes, from the ranges of one of a pair's scans (0 the reference, 1 the other), not
-    timed in the scores; ``ready``: what it makes of that once, and could keep for many matches; ``answer``:
-    the match of two such, from a guess ``(3,)``.
-    """
-
-    given: Callable[[Pair, int], Any]
-    ready: Callable[[Any], Any]
-    answer: Callable[[Any, Any, Array], Answer | Match | NoMatch]
+    read: Callable[[Pair, int], Any]
+    """From the ranges of one of a pair's scans (0 the reference, 1 the other); not timed in the scores."""
+    prepare: Callable[[Any], Any]
+    """What is made of a scan once, and could be kept for many matches: index, covariances."""
+    match: Callable[[Any, Any, Array], Result]
+    """Two prepared scans, from a guess ``(3,)``."""
 
 
 @dataclass(frozen=True)
@@ -76,44 +73,43 @@ class Score:
     ms_95: float
 
 
-def ask(
-    matcher: Matcher, pairs: Sequence[Pair], guesses: Array
-) -> tuple[list[Answer | Match | NoMatch], Array]:
-    """A matcher's answer for every pair, and the processor time ``(N,)`` s of each."""
-    answers, seconds = [], []
+def match_all(matcher: Matcher, pairs: Sequence[Pair], guesses: Array) -> tuple[list[Result], Array]:
+    """A matcher's result for every pair, and the processor time ``(N,)`` s of each."""
+    results, seconds = [], []
     for pair, guess in zip(pairs, guesses, strict=True):
-        reference, scan = (matcher.given(pair, which) for which in (0, 1))
+        reference, scan = (matcher.read(pair, which) for which in (0, 1))
         started = time.process_time()
-        answers.append(matcher.answer(matcher.ready(reference), matcher.ready(scan), guess))
+        results.append(matcher.match(matcher.prepare(reference), matcher.prepare(scan), guess))
         seconds.append(time.process_time() - started)
-    return answers, np.array(seconds)
+    return results, np.array(seconds)
 
 
 def measure(matcher: Matcher, pairs: Sequence[Pair], guesses: Array) -> Score:
-    """The score of a matcher, asked for every pair."""
-    return score(pairs, *ask(matcher, pairs, guesses))
+    """The score of a matcher over all pairs."""
+    return score(pairs, *match_all(matcher, pairs, guesses))
 
 
-def score(pairs: Sequence[Pair], answers: Sequence[Answer | Match | NoMatch], seconds: Array) -> Score:
-    """Score one answer per pair. Raises ``ValueError`` when there are no pairs."""
+def score(pairs: Sequence[Pair], results: Sequence[Result], seconds: Array) -> Score:
+    """Score one result per pair. Raises ``ValueError`` when there are no pairs."""
+    from scipy.stats import binomtest, chi2
+
     if not pairs:
         raise ValueError("expected at least one pair")
     n = len(pairs)
-    given = [(pair, a) for pair, a in zip(pairs, answers, strict=True) if not isinstance(a, NoMatch)]
-    errors = np.array([error(pair, a) for pair, a in given]).reshape(-1, 3)
+    matched, errors = matches_and_errors(pairs, results)
     good = within_limits(errors)
-    nees = np.array([normalised(e, p, a) for e, (p, a) in zip(errors, given, strict=True)])
+    nees = np.array([normalised(e, p, a) for e, (p, a) in zip(errors, matched, strict=True)])
     claimed = not np.any(np.isnan(nees))
-    low, high = wilson(int(good.sum()), n)
+    interval = binomtest(int(good.sum()), n).proportion_ci(method="wilson")
     return Score(
         pairs=n,
         success=float(good.sum()) / n,
-        success_low=low,
-        success_high=high,
-        silent=float(np.sum(~good & (nees > COVERED))) / n if claimed else None,
-        no_match=1.0 - len(given) / n,
+        success_low=float(interval.low),
+        success_high=float(interval.high),
+        silent=float(np.sum(~good & (nees > chi2.ppf(COVERED_SHARE, 3)))) / n if claimed else None,
+        no_match=1.0 - len(matched) / n,
         anees=_or_none(np.mean, nees / 3.0) if claimed else None,
-        anees_median=_or_none(np.median, nees / CHI2_MEDIAN) if claimed else None,
+        anees_median=_or_none(np.median, nees / chi2.median(3)) if claimed else None,
         rms_m=_or_none(_rms, np.hypot(errors[good, 0], errors[good, 1])),
         rms_rad=_or_none(_rms, errors[good, 2]),
         ms=1e3 * float(np.median(seconds)),
@@ -121,9 +117,16 @@ def score(pairs: Sequence[Pair], answers: Sequence[Answer | Match | NoMatch], se
     )
 
 
-def error(pair: Pair, answer: Answer | Match) -> Array:
-    """ξ ``(3,)`` with T_true = T̂ ∘ exp(ξ): the tangent space a match's covariance is in."""
-    return se2.log(se2.between(answer.T_reference_scan, pair.T_reference_scan))
+def matches_and_errors(
+    pairs: Sequence[Pair], results: Sequence[Result]
+) -> tuple[list[tuple[Pair, PoseEstimate | Match]], Array]:
+    """Pairs that were matched, with the match, and ξ ``(N, 3)`` with T_true = T̂ ∘ exp(ξ): the tangent space a
+    match's covariance is in."""
+    matched = [
+        (p, result) for p, result in zip(pairs, results, strict=True) if not isinstance(result, NoMatch)
+    ]
+    errors = [se2.log(se2.between(match.T_reference_scan, p.T_reference_scan)) for p, match in matched]
+    return matched, np.array(errors).reshape(-1, 3)
 
 
 def within_limits(errors: Array) -> np.ndarray:
@@ -132,21 +135,12 @@ def within_limits(errors: Array) -> np.ndarray:
     return (np.hypot(errors[:, 0], errors[:, 1]) <= distance) & (np.abs(errors[:, 2]) <= angle)
 
 
-def normalised(xi: Array, pair: Pair, answer: Answer | Match) -> float:
+def normalised(xi: Array, pair: Pair, estimate: PoseEstimate | Match) -> float:
     """ξᵀ(Σ + Σ_truth)⁻¹ξ: the squared error in standard deviations; NaN where no covariance is claimed."""
-    if answer.covariance is None:
+    if estimate.covariance is None:
         return float("nan")
-    claimed = answer.covariance + pair.truth_covariance + SINGULAR * np.eye(3)
+    claimed = estimate.covariance + pair.truth_covariance + SINGULAR * np.eye(3)
     return float(xi @ np.linalg.pinv(claimed, hermitian=True) @ xi)
-
-
-def wilson(successes: int, count: int) -> tuple[float, float]:
-    """Wilson's interval at 95 % for a share of ``successes`` in ``count`` (Wilson 1927)."""
-    z = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
-    share, spread = successes / count, z * z / count
-    centre = (share + 0.5 * spread) / (1.0 + spread)
-    half = math.sqrt(share * (1.0 - share) * spread + 0.25 * spread * spread) / (1.0 + spread)
-    return max(centre - half, 0.0), min(centre + half, 1.0)
 
 
 def _rms(values: Array) -> float:

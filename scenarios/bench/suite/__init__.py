@@ -1,7 +1,7 @@
 """The benches, one file each, found by their file's name.
 
-A bench is a module with a function ``run(stages, asked) -> Measured``; the first line of its docstring says
-what it measures.
+A bench is a module with a function ``run(stages, options) -> BenchmarkResult``; the first line of its
+docstring says what it measures.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scenarios.bench.measured import Asked, Measured
+    from scenarios.bench.result import BenchmarkOptions, BenchmarkResult
     from scenarios.stages import Stages
 
 BENCHES: tuple[str, ...] = tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
 
 
-def bench(name: str) -> Callable[[Stages, Asked], Measured]:
+def bench(name: str) -> Callable[[Stages, BenchmarkOptions], BenchmarkResult]:
     """The function that runs a bench."""
     return import_module(f"{__name__}.{name}").run

@@ -9,8 +9,7 @@ import numpy as np
 import pymunk
 
 from scenarios.bench.building import SEGMENTS, building, free_poses
-from scenarios.bench.figure import Call, Figure, seconds
-from scenarios.bench.measured import Asked, Measured
+from scenarios.bench.result import BenchmarkOptions, BenchmarkResult, Call, Figure, time_calls
 from scenarios.catalogue import CATALOGUE
 from scenarios.stages import Stages
 from sim.driver import resample
@@ -39,13 +38,13 @@ class Case:
     note: str
 
 
-def run(stages: Stages, asked: Asked) -> Measured:
+def run(stages: Stages, options: BenchmarkOptions) -> BenchmarkResult:
     """All figures of the simulator, compilation excluded."""
     with stages.stage("rays"):
         figures = rays()
     with stages.stage("growth"):
         figures += growth()
-    return Measured(figures + drives(stages))
+    return BenchmarkResult(figures + drives(stages))
 
 
 def rays() -> list[Figure]:
@@ -53,34 +52,24 @@ def rays() -> list[Figure]:
     rng = np.random.default_rng(0)
     walls = building(SEGMENTS, rng)
     poses = free_poses(walls, POSES, rng)
-    thin, high = (
-        Raycaster.from_segments(walls),
-        Raycaster.from_segments(walls, np.full(SEGMENTS, WALL_HEIGHT)),
-    )
+    thin = Raycaster.from_segments(walls)
+    high = Raycaster.from_segments(walls, np.full(SEGMENTS, WALL_HEIGHT))
     turn = np.array([0.0, 0.0, np.deg2rad(30.0)])
     turned = Raycaster.from_segments(se2.transform(turn, walls.reshape(-1, 2)).reshape(-1, 4))
     setup = CATALOGUE[SCENARIO].build(rng)
     solid, route = Raycaster(setup.world), along(setup.waypoints)
     few, space, reach = poses[:POSES_OF_LOOP], space_of(walls), float(np.hypot(*np.ptp(walls[:, :2], axis=0)))
     beams = f"{SEGMENTS} segments, 40 × 30 m, {len(ANGLES)} beams over 180°"
+    by_pymunk = partial(pymunk_loop, space, few, reach)
+    at_angle = partial(turned.cast, se2.compose(turn, poses), ANGLES)
+    in_scenario = partial(solid.cast_with_incidence, tilted(route), ANGLES)
+    uneven = "solids, uneven ground and ceiling, with incidence"
     cases = [
-        Case(
-            "pymunk",
-            partial(pymunk_loop, space, few, reach),
-            len(few),
-            "segment_query_first in a Python loop",
-        ),
+        Case("pymunk", by_pymunk, len(few), "segment_query_first in a Python loop"),
         Case("flat", partial(thin.cast, poses, ANGLES), POSES, beams),
         Case("tilted", partial(high.cast, tilted(poses), ANGLES), POSES, "roll and pitch up to 5°"),
-        Case(
-            "flat, turned", partial(turned.cast, se2.compose(turn, poses), ANGLES), POSES, "building at 30°"
-        ),
-        Case(
-            f"tilted, {SCENARIO}",
-            partial(solid.cast_with_incidence, tilted(route), ANGLES),
-            len(route),
-            "solids, uneven ground and ceiling, with incidence",
-        ),
+        Case("flat, turned", at_angle, POSES, "building at 30°"),
+        Case(f"tilted, {SCENARIO}", in_scenario, len(route), uneven),
     ]
     loop, flat, tilt, *others = rates(cases)
     return [loop, flat, tilt, *others, flat.per(loop, "flat / pymunk"), tilt.per(loop, "tilted / pymunk")]
@@ -97,32 +86,27 @@ def growth() -> list[Figure]:
         preparations[f"prepare {count} segments"] = partial(Raycaster.from_segments, walls)
     flat = rates(cases)
     slower = flat[0].per(flat[-1], f"time per ray, {LARGER[-1]} / {SEGMENTS} segments")
-    taken = seconds(preparations, REPETITIONS)
-    return [
-        *flat,
-        slower,
-        *(Figure(name, "ms", tuple(1e3 * t for t in times)) for name, times in taken.items()),
-    ]
+    taken = time_calls(preparations, REPETITIONS)
+    preparing = [Figure(name, "ms", tuple(1e3 * t for t in times)) for name, times in taken.items()]
+    return [*flat, slower, *preparing]
 
 
 def drives(stages: Stages) -> list[Figure]:
     """A whole scenario, world, physics, laser and INS: simulated seconds per second, and peak memory."""
     runs: list[SimulatedRun] = []
     with stages.stage("drives"):
-        taken = seconds({SCENARIO: lambda: runs.append(simulate(CATALOGUE[SCENARIO], 0))}, DRIVES)[SCENARIO]
+        taken = time_calls({SCENARIO: lambda: runs.append(simulate(CATALOGUE[SCENARIO], 0))}, DRIVES)[
+            SCENARIO
+        ]
     lasted, peak = float(np.ptp(runs[0].recording.time)), stages.costs["drives"].peak_mb
-    pace = Figure(
-        f"{SCENARIO}, whole simulation",
-        "× real time",
-        tuple(lasted / t for t in taken),
-        f"seed 0, {lasted:.0f} s simulated",
-    )
-    return [pace] + ([Figure("peak memory", "MB", (peak,), "of the process")] if peak is not None else [])
+    pace, note = tuple(lasted / seconds for seconds in taken), f"seed 0, {lasted:.0f} s simulated"
+    figures = [Figure(f"{SCENARIO}, whole simulation", "× real time", pace, note)]
+    return figures if peak is None else [*figures, Figure("peak memory", "MB", (peak,), "of the process")]
 
 
 def rates(cases: list[Case]) -> list[Figure]:
     """Millions of rays per second of every case."""
-    taken = seconds({case.name: case.call for case in cases}, REPETITIONS)
+    taken = time_calls({case.name: case.call for case in cases}, REPETITIONS)
     return [
         Figure(c.name, "M rays/s", tuple(1e-6 * c.poses * len(ANGLES) / t for t in taken[c.name]), c.note)
         for c in cases

@@ -89,7 +89,7 @@ def test_a_module_s_function_is_known_from_then_on(tmp_path: Path, monkeypatch: 
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     config = with_matcher(MethodConfig(), "somebodys_matcher:lazy")
-    assert match(SCAN, SCAN, GUESS, config.frontend.method) == NoMatch("no time")
+    assert match(SCAN, SCAN, GUESS, config.slam.frontend.method) == NoMatch("no time")
     assert with_matcher(MethodConfig(), "") == MethodConfig()
     with pytest.raises(InputError, match="'somebodys_matcher:N': expected a function, got int"):
         with_matcher(MethodConfig(), "somebodys_matcher:N")

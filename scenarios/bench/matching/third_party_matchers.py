@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.bench.matching.pairs import Pair
-from scenarios.bench.matching.scores import Answer, Matcher
+from scenarios.bench.matching.scores import Matcher, PoseEstimate
 from slam import se2
 from slam.se2 import Array
 
@@ -38,55 +38,58 @@ GICP, PLANE = "small_gicp GICP", "small_gicp plane"
 INSTALL = "not installed: pip install 'slamstitch[peers]'"
 
 
-def peers() -> dict[str, Matcher | str]:
-    """Matchers by name; for those that cannot be used, a line that says why."""
-    found: dict[str, Matcher | str] = {}
-    for module, made in (("small_gicp", _small_gicp), ("open3d", _open3d)):
-        if find_spec(module) is None:
-            found[module] = INSTALL
+def third_party_matchers() -> tuple[dict[str, Matcher], dict[str, str]]:
+    """Matchers by name, and why a package cannot be used by the package."""
+    matchers: dict[str, Matcher] = {}
+    missing: dict[str, str] = {}
+    for package, matchers_of in (("small_gicp", small_gicp_matchers), ("open3d", open3d_matchers)):
+        if find_spec(package) is None:
+            missing[package] = INSTALL
             continue
         try:
-            found |= made(import_module(module))
+            matchers |= matchers_of(import_module(package))
         except ImportError as error:  # its wheel may need a library that the system lacks
-            found[module] = f"cannot be imported: {error}"
-    return found
+            missing[package] = f"cannot be imported: {error}"
+    return matchers, missing
 
 
-def _small_gicp(small_gicp: Any) -> dict[str, Matcher]:
-    def ready(cloud: Array) -> Any:
+def small_gicp_matchers(small_gicp: Any) -> dict[str, Matcher]:
+    """Two matchers of the module ``small_gicp``."""
+
+    def prepare(cloud: Array) -> Any:
         return small_gicp.preprocess_points(cloud, VOXEL, NEIGHBOURS, num_threads=1)
 
     def matcher(kind: str) -> Matcher:
         """The matcher of one ``registration_type`` of small_gicp."""
 
-        def answer(reference: Any, scan: Any, guess: Array) -> Answer:
-            """Pose of the scan in the reference's frame, from a guess ``(3,)``; no covariance."""
+        def match(reference: Any, scan: Any, guess: Array) -> PoseEstimate:
             (target, tree), (source, _) = reference, scan
-            found = small_gicp.align(
+            result = small_gicp.align(
                 target, source, tree, to_space(guess),
                 registration_type=kind, max_correspondence_distance=REACH, num_threads=1,
             )  # fmt: skip
-            return Answer(to_plane(found.T_target_source), None)
+            return PoseEstimate(to_plane(result.T_target_source), None)
 
-        return Matcher(extruded, ready, answer)
+        return Matcher(extruded, prepare, match)
 
     return {GICP: matcher("GICP"), PLANE: matcher("PLANE_ICP")}
 
 
-def _open3d(open3d: Any) -> dict[str, Matcher]:
+def open3d_matchers(open3d: Any) -> dict[str, Matcher]:
+    """One matcher of the module ``open3d``."""
     registration = open3d.pipelines.registration
     point_to_point = registration.TransformationEstimationPointToPoint()
 
-    def given(pair: Pair, which: int) -> Any:
+    def read(pair: Pair, which: int) -> Any:
         flat = points(pair, which)
         flat = np.column_stack([flat, np.zeros(len(flat))])
         return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(flat))
 
-    def answer(reference: Any, scan: Any, guess: Array) -> Answer:
-        found = registration.registration_icp(scan, reference, REACH, to_space(guess), point_to_point)
-        return Answer(to_plane(found.transformation), None)
+    def match(reference: Any, scan: Any, guess: Array) -> PoseEstimate:
+        result = registration.registration_icp(scan, reference, REACH, to_space(guess), point_to_point)
+        return PoseEstimate(to_plane(result.transformation), None)
 
-    return {"open3d point": Matcher(given, lambda cloud: cloud, answer)}
+    return {"open3d point": Matcher(read, lambda cloud: cloud, match)}
 
 
 def extruded(pair: Pair, which: int) -> Array:
