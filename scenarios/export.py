@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from scenarios.options import check_seed
 from slam.cli import InputError, main
 
 if TYPE_CHECKING:
@@ -38,8 +39,7 @@ class Options:
 
 def run(options: Options) -> None:
     """Obtain the recording, write it, and say what was written on stdout."""
-    if options.seed < 0:
-        raise InputError(f"--seed: expected 0 or more, got {options.seed}")
+    check_seed(options.seed)
     if not options.out.parent.is_dir():
         raise InputError(f"{options.out.parent}: no such folder")
     if options.out.exists():

@@ -10,7 +10,8 @@ from typing import Annotated
 from tyro.conf import arg
 
 from scenarios.catalogue import CATALOGUE
-from slam.cli import InputError, main, nearest
+from scenarios.options import check_seed, parse_names
+from slam.cli import InputError, main
 
 COMMAND = "scenarios.gallery"
 DPI = 110
@@ -32,12 +33,8 @@ class Options:
 
 def run(options: Options) -> None:
     """One PNG per scenario."""
-    names = [name.strip() for name in options.scenarios.split(",") if name.strip()]
-    for name in names:
-        if name not in CATALOGUE:
-            raise InputError(f"unknown scenario {name!r}: {nearest(name, CATALOGUE)}")
-    if options.seed < 0:
-        raise InputError(f"--seed: expected 0 or more, got {options.seed}")
+    names = parse_names(options.scenarios, CATALOGUE, "scenario")
+    check_seed(options.seed)
     try:
         options.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -54,14 +51,12 @@ def picture(name: str, seed: int) -> bytes:
 
     from PIL import Image
 
-    from scenarios.methods import METHODS
-    from scenarios.methods.config import MethodConfig
     from scenarios.report.style import png
     from scenarios.report.world import thumbnail
     from sim.record import simulate
 
     simulated = simulate(CATALOGUE[name], seed)
-    figure = thumbnail(simulated, METHODS["wsm"](simulated.recording, MethodConfig()))
+    figure = thumbnail(simulated, wsm(simulated.recording, MethodConfig()))
     small = io.BytesIO()
     Image.open(io.BytesIO(png(figure, DPI))).convert("RGB").quantize(COLOURS).save(
         small, "PNG", optimize=True

@@ -16,7 +16,8 @@ from tyro.conf import Positional, arg
 
 from scenarios.catalogue import CATALOGUE
 from scenarios.methods import COMPARED, METHODS, ONLINE, warm_up
-from slam.cli import POSE, InputError, Pose, main, nearest
+from scenarios.options import check_seed, parse_names
+from slam.cli import POSE, InputError, Pose, main
 
 if TYPE_CHECKING:
     from scenarios.evaluation import Metric
@@ -123,15 +124,8 @@ def checked(options: Options) -> tuple[list[str], str]:
 
     if not options.recording:
         raise InputError(f"expected a scenario or a log; scenarios: {', '.join(CATALOGUE)}")
-    if options.seed < 0:
-        raise InputError(f"--seed: expected 0 or more, got {options.seed}")
-    methods = [name.strip() for name in options.methods.split(",") if name.strip()]
-    methods += [ONLINE] if options.online else []
-    for name in methods:
-        if name not in METHODS:
-            raise InputError(f"unknown method {name!r}: {nearest(name, METHODS)}")
-    if not methods:
-        raise InputError(f"--methods: expected one or more of {', '.join(METHODS)}")
+    check_seed(options.seed)
+    methods = parse_names(f"{options.methods},{ONLINE if options.online else ''}", METHODS, "method")
     simulates = is_scenario(options.recording)
     if simulates and (options.relations or options.laser_mount):
         raise InputError("--relations and --laser-mount are for logs: a scenario knows its own truth")
@@ -140,7 +134,7 @@ def checked(options: Options) -> tuple[list[str], str]:
     if options.start and not (simulates and is_map(options.recording)):
         raise InputError("--start is for ROS maps: scenarios and logs have a start of their own")
     name = Path(options.recording).name.split(".")[0]
-    return list(dict.fromkeys(methods)), f"{name}-seed{options.seed}"
+    return methods, f"{name}-seed{options.seed}"
 
 
 def configure(options: Options) -> MethodConfig:

@@ -153,3 +153,19 @@ def path_length(poses: ArrayLike) -> Array:
     """Distance travelled [m] up to each of the poses ``(N, 3)``, shape ``(N,)``, starting at 0."""
     steps = np.linalg.norm(np.diff(_poses(poses)[:, :2], axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def fit_rigid(source: ArrayLike, target: ArrayLike) -> Array:
+    """Pose ``T_target_source (3,)`` that moves points ``source (n, 2)`` onto ``target (n, 2)`` with the least
+    squared error, without scale (Umeyama 1991, doi:10.1109/34.88573).
+
+    Where the points of either set coincide, any rotation fits: yaw is then 0. Raises ``ValueError`` unless
+    both are ``(n, 2)`` with n > 0.
+    """
+    source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    if source.shape != target.shape or source.ndim != 2 or source.shape[1] != 2 or len(source) == 0:
+        raise ValueError(f"rigid fit: expected two (n, 2) with n > 0, got {source.shape} and {target.shape}")
+    centre_source, centre_target = source.mean(axis=0), target.mean(axis=0)
+    p, q = source - centre_source, target - centre_target
+    yaw = float(np.arctan2(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]), np.sum(p * q)))
+    return np.array([*(centre_target - rotation(yaw) @ centre_source), yaw])

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from scenarios.bench.suite import BENCHES, bench
+from scenarios.options import check_seed
 from slam.cli import InputError, main, nearest
 
 COMMAND = "scenarios.bench"
@@ -65,8 +66,7 @@ def _check(options: Options) -> None:
         raise InputError(f"unknown bench {options.name!r}: {nearest(options.name, BENCHES)}")
     if options.pairs < 1:
         raise InputError(f"--pairs: expected 1 or more, got {options.pairs}")
-    if options.seed < 0:
-        raise InputError(f"--seed: expected 0 or more, got {options.seed}")
+    check_seed(options.seed)
     if options.data is not None and not options.data.is_dir():
         raise InputError(f"--data: expected a folder, got {options.data}")
 

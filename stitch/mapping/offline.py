@@ -13,7 +13,7 @@ from slam.mapping import keyframes
 from slam.odometry.dead_reckoning import DeadReckoning
 from slam.odometry.ego_motion_filter import remove_co_moving_points
 from slam.odometry.laser_mount import Mount, estimate_mount, is_mount_unstated
-from slam.odometry.segmentation import segments
+from slam.odometry.segmentation import Segment, segments
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import track
 from slam.recording import Recording
@@ -73,7 +73,8 @@ def build_map(
 ) -> Estimate:
     """What follows a front end's track: cut, stitch by ``stitch``, close the loops, adjust."""
     reckoning = DeadReckoning(recording, config.frontend.dead_reckoning)
-    drive = close_drive(reckoning, scans, tracked, config, stitch, revise)
+    steady = segments(tracked, config.segmentation)
+    drive = close_drive(reckoning, scans, tracked, steady, config, stitch, revise)
     if drive is None:
         return Estimate("slamstitch", tracked.poses, track=tracked)
     matched = tracked.verdict != Verdict.FELL_BACK
@@ -108,18 +109,18 @@ def close_drive(
     reckoning: DeadReckoning,
     scans: Sequence[Scan],
     tracked: Track,
+    steady: Sequence[Segment],
     config: MappingConfig,
     stitch: Stitcher,
     revise: Revise | None = None,
 ) -> ClosedDrive | None:
-    """The segments of a track cut into submaps, stitched and closed; None where there is no segment, too
+    """The ``steady`` segments of a track cut into submaps, stitched and closed; None where there is none, too
     little being matched to be a map."""
     recording = reckoning.measurements
     assert isinstance(recording, Recording)
-    steady = segments(tracked, config.segmentation)
     if not steady:
         return None
-    steady = tuple(trim_relocalisation_jump(recording, tracked, s, config.submaps) for s in steady)
+    steady = [trim_relocalisation_jump(recording, tracked, s, config.submaps) for s in steady]
     stretches = split_by_length(tracked, steady, config.loops.length)
     anchors = np.array([s.start for s in stretches])
     nodes = np.union1d(anchors, gap_nodes(tracked, stretches, config.submaps.gap_spacing))

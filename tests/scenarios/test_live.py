@@ -8,7 +8,7 @@ import pytest
 from scenarios.evaluation import COST, DEFINITIONS, evaluate
 from scenarios.evaluation.live import live_metrics
 from slam.recording import Laser, Recording
-from stitch.mapping.estimate import Estimate, Live, NoEstimate
+from stitch.mapping.estimate import Estimate, NoEstimate, OnlineResult
 
 
 def test_latency_in_milliseconds_and_error_after_alignment():
@@ -17,13 +17,13 @@ def test_latency_in_milliseconds_and_error_after_alignment():
     poses[:, 1] += np.where(np.arange(100) % 2, 0.1, -0.1)
     seconds = np.full(100, 0.002)
     seconds[10] = 0.5
-    found = {m.name: m for m in live_metrics("x", Live(poses, seconds), truth)}
+    found = {m.name: m for m in live_metrics("x", OnlineResult(poses, seconds), truth)}
     assert found["latency_median"].value == pytest.approx(2.0)
     assert found["latency_max"].value == pytest.approx(500.0)
     assert 2.0 < found["latency_p99"].value < 10.0
     assert found["latency_max"].unit == "ms"
     assert found["ate_online"].value == pytest.approx(0.1, rel=1e-3)
-    blank = {m.name: m for m in live_metrics("x", Live(poses, seconds), None)}
+    blank = {m.name: m for m in live_metrics("x", OnlineResult(poses, seconds), None)}
     assert blank["ate_online"].reason == "the recording has no truth"
     assert blank["latency_max"].value == pytest.approx(500.0)
 

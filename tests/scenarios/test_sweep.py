@@ -288,7 +288,8 @@ def test_the_version_is_that_of_the_code(tmp_path: Path) -> None:
 def test_no_trial_imports_what_the_version_leaves_out() -> None:
     """All that the scenarios, methods and scores are made of counts."""
     code = (
-        "import sys; import scenarios.ablate.drives, scenarios.ablate.harvesting, scenarios.evaluation;"
+        "import sys; import scenarios.ablate.method_variants, scenarios.ablate.stitching_trials;"
+        "import scenarios.evaluation;"
         "import stitch.mapping.offline, scenarios.methods.htms, scenarios.methods.oracle;"
         "import scenarios.source, scenarios.rehearsal, scenarios.sweep.attempt, sim.record;"
         "print(*(m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)), sep='\\n')"

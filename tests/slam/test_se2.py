@@ -238,3 +238,28 @@ def test_what_is_no_pose_is_refused(bad: object) -> None:
     for function in (se2.inverse, se2.exp, se2.log, se2.adjoint, se2.path_length):
         with pytest.raises(ValueError, match=r"a pose is \(\.\.\., 3\)"):
             function(bad)  # type: ignore[arg-type]
+
+
+@quick
+@given(pose)
+def test_a_rigid_fit_recovers_a_pose(T: np.ndarray) -> None:
+    points = np.random.default_rng(0).normal(0.0, 5.0, (20, 2))
+    assert_poses_equal(se2.fit_rigid(points, se2.transform(T, points)), T)
+
+
+def test_no_pose_near_a_rigid_fit_misses_by_less() -> None:
+    rng = np.random.default_rng(1)
+    source = rng.normal(0.0, 5.0, (30, 2))
+    target = se2.transform([1.0, -2.0, 2.5], source) + rng.normal(0.0, 0.3, source.shape)
+    best = se2.fit_rigid(source, target)
+
+    def squared(T: np.ndarray) -> float:
+        return float(np.sum((se2.transform(T, source) - target) ** 2))
+
+    assert all(squared(best) < squared(best + 1e-3 * step) for step in rng.normal(size=(200, 3)))
+
+
+@pytest.mark.parametrize("shape", [(0, 2), (4, 3), (4,)])
+def test_a_rigid_fit_refuses_what_are_no_points(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="rigid fit"):
+        se2.fit_rigid(np.zeros(shape), np.zeros(shape))

@@ -1,4 +1,4 @@
-"""The map of a drive when a measure does the cutting."""
+"""The map of a drive that is cut where a measure says that the robot is lost."""
 
 from __future__ import annotations
 
@@ -6,30 +6,29 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from stitch.mapping.adjusted import adjusted
 
-from scenarios.ablate.segmentation.drive import Driven
+from scenarios.ablate.segmentation.drive import LabelledDrive
 from scenarios.evaluation.segmentation import true_errors
-from scenarios.methods.config import MethodConfig
 from slam import se2
-from slam.odometry import dead_reckoning
-from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, lost_steps
+from slam.odometry.dead_reckoning import DeadReckoning
+from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, lost_steps, split_at_losses
 from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
 from slam.se2 import Array
 from stitch.align import align
-from stitch.mapping.bundle import BundleConfig
-from stitch.mapping.loop_closure import LoopConfig
-from stitch.mapping.offline import stitched
+from stitch.mapping import MappingConfig
+from stitch.mapping.bundle import BundleConfig, adjust_all_scans
+from stitch.mapping.offline import close_drive
+from stitch.mapping.submap_graph import LoopConfig
 
 NEVER, TRUTH = "never", "truth"
-"""Nothing is cut, and just what was truly lost: what the choice of a measure can be worth at most."""
+"""References: nothing is cut, and just what was truly lost, the most that a measure can be worth."""
 
 LEAST_STEPS = 5
-"""Matched steps that a piece needs, as in the report."""
+"""Least matched steps of a segment, as in Formsma's thesis."""
 
-THOROUGH = MethodConfig()
-"""slamstitch as it is, after ManifoldSLAM's front end."""
+THOROUGH = MappingConfig()
+"""slamstitch's own settings, after ManifoldSLAM's front end."""
 
 LEAN = replace(
     THOROUGH,
@@ -39,25 +38,26 @@ LEAN = replace(
 """A third of its cost: longer pieces, fewer stitches tried, a smaller bundle."""
 
 
-def called_lost(driven: Driven, cutter: str) -> np.ndarray:
-    """Scans ``(N,)`` bool at which a measure, at the threshold learnt for it, says that the robot is lost."""
-    track = driven.track
+def predict_failures(drive: LabelledDrive, cutter: str) -> np.ndarray:
+    """Scans ``(N,)`` bool at which a measure, at the threshold learnt for it, reports a failure."""
+    track = drive.track
     if cutter == NEVER:
         return np.zeros(len(track), dtype=bool)
     if cutter == TRUTH:
-        return true_errors(track, driven.recording) > 1.0
+        return true_errors(track, drive.recording) > 1.0
     rule = SegmentationConfig(rule="threshold", measure=cutter, threshold=THRESHOLDS[cutter])
     return lost_steps(track, rule)
 
 
-def pieces_of(track: Track, lost: np.ndarray) -> tuple[Segment, ...]:
-    """The stretches of the drive between lost scans that are long enough."""
-    return between(lost, track.verdict == Verdict.SKIPPED, LEAST_STEPS)
+def segments_from(track: Track, lost: np.ndarray) -> tuple[Segment, ...]:
+    """The segments of the drive between the ``lost (N,)`` scans that are long enough."""
+    return split_at_losses(lost, track.verdict == Verdict.SKIPPED, LEAST_STEPS)
 
 
-def relaid(recording: Recording, track: Track, lost: np.ndarray) -> Track:
-    """The track with what is called lost taken out: there, and only there, the pose follows dead reckoning;
-    every other step stays as the front end accepted it, believed or not."""
+def splice_dead_reckoning(recording: Recording, track: Track, lost: np.ndarray) -> Track:
+    """The track with dead reckoning in place of the ``lost (N,)`` steps; every other step stays as the front
+    end accepted it."""
+    reckoning = DeadReckoning(recording)
     poses, steps = track.poses.copy(), se2.between(track.poses[track.reference], track.poses)
     last = 0
     for k in range(1, len(poses)):
@@ -65,7 +65,7 @@ def relaid(recording: Recording, track: Track, lost: np.ndarray) -> Track:
             poses[k] = poses[last]
             continue
         poses[k] = (
-            dead_reckoning.predict(recording, last, k, poses[last])
+            reckoning.predict(last, k, poses[last])
             if lost[k]
             else se2.compose(poses[track.reference[k]], steps[k])
         )
@@ -73,13 +73,13 @@ def relaid(recording: Recording, track: Track, lost: np.ndarray) -> Track:
     return replace(track, poses=poses, verdict=np.where(lost, Verdict.FELL_BACK, track.verdict))
 
 
-def mapped(driven: Driven, lost: np.ndarray, config: MethodConfig) -> Array:
-    """Poses ``(N, 3)`` after the pieces between the ``lost (N,)`` scans were stitched, closed and adjusted as
-    slamstitch does."""
-    recording, scans = driven.recording, driven.scans
-    found = relaid(recording, driven.track, lost)
-    stitch = partial(align, config=config.loops.align)
-    drive = stitched(recording, scans, found, pieces_of(found, lost), config, stitch)
-    if drive is None:
-        return found.poses
-    return adjusted(recording, scans, drive.poses, found.verdict != Verdict.FELL_BACK, config.bundle)[0]
+def map_with_cuts(drive: LabelledDrive, lost: np.ndarray, config: MappingConfig) -> Array:
+    """Poses ``(N, 3)`` of the drive cut at the ``lost (N,)`` scans, after slamstitch's back end."""
+    recording, scans = drive.recording, drive.scans
+    spliced = splice_dead_reckoning(recording, drive.track, lost)
+    stitch, reckoning = partial(align, config=config.loops.align), DeadReckoning(recording)
+    closed = close_drive(reckoning, scans, spliced, segments_from(spliced, lost), config, stitch)
+    if closed is None:
+        return spliced.poses
+    matched = spliced.verdict != Verdict.FELL_BACK
+    return adjust_all_scans(reckoning, scans, closed.poses, matched, config.bundle)[0]

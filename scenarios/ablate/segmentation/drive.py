@@ -1,4 +1,4 @@
-"""A drive as ManifoldSLAM tracked it: every measure of every step, and which steps were truly lost."""
+"""A drive tracked by ManifoldSLAM: every measure of every step, and which steps were truly lost."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from slam.se2 import Array
 
 
 @dataclass(frozen=True)
-class Driven:
-    """A recording with truth, its scans without what drives along, the track of the report's front end (its
-    map tears where it is lost; ours hardly ever is), and the map drawn with true poses."""
+class LabelledDrive:
+    """A recording with truth, its scans without co-moving points, the track of ManifoldSLAM's front end (ours
+    is hardly ever lost), and the map drawn with true poses."""
 
     recording: Recording
     scans: list[Scan]
@@ -60,13 +60,13 @@ class Steps:
     @classmethod
     def from_bytes(cls, data: bytes) -> Steps:
         """What `to_bytes` wrote."""
-        with np.load(io.BytesIO(data), allow_pickle=False) as found:
-            arrays = dict(found)
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            arrays = dict(stored)
         return cls(arrays.pop("scan"), arrays.pop("error"), arrays)
 
 
-def driven(scenario: str, seed: int) -> Driven:
-    """Simulate a drive and let ManifoldSLAM track it, once for everything that follows."""
+def label_drive(scenario: str, seed: int) -> LabelledDrive:
+    """Simulate a drive and let ManifoldSLAM track it, once for all trials of the drive."""
     from scenarios.evaluation.maps import true_map
     from scenarios.source import simulated
     from slam.odometry.ego_motion_filter import remove_co_moving_points
@@ -77,7 +77,7 @@ def driven(scenario: str, seed: int) -> Driven:
     scans = remove_co_moving_points(recording, scans_of(recording))
     drawn = true_map(recording)
     assert drawn is not None
-    return Driven(recording, scans, track(recording, MANIFOLD_SLAM, scans), drawn)
+    return LabelledDrive(recording, scans, track(recording, MANIFOLD_SLAM, scans), drawn)
 
 
 def steps_of(recording: Recording, track: Track) -> Steps:

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
 from scenarios.ablate.segmentation.drive import Steps
-from scenarios.ablate.segmentation.scores import Drive
+from scenarios.ablate.segmentation.scores import ScoredDrive
 from scenarios.evaluation.detection import precision_recall
 from scenarios.report.style import (
     BLACK,
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 GREEN = "#009E73"
-REPORTS = ("trace2", "det2", "neg_matches")
-"""The measures of the report."""
+THESIS = ("trace2", "det2", "neg_matches")
+"""The measures of Formsma's thesis."""
 COLOURS = {
     "trace2": ORANGE,
     "det2": SKY,
@@ -42,14 +42,14 @@ COLOURS = {
     "innovation": GREEN,
     "combined": BLUE,
 }
-"""Measures that are told apart by colour; the others are grey."""
+"""Measures with a colour of their own; the others are grey."""
 
 
-def curves(found: Sequence[Drive], names: Sequence[str]) -> Figure:
+def curves(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Figure:
     """Precision over recall of every measure, all steps of a scenario's drives together."""
     from matplotlib.figure import Figure
 
-    scenarios = list(dict.fromkeys(drive.scenario for drive in found))
+    scenarios = list(dict.fromkeys(drive.scenario for drive in drives))
     columns = min(len(scenarios), 2)
     rows = -(-len(scenarios) // columns)
     figure = Figure(figsize=(WIDTH, 3.9 * rows + 0.5), layout="constrained")
@@ -57,7 +57,7 @@ def curves(found: Sequence[Drive], names: Sequence[str]) -> Figure:
     for ax in axes.flat[len(scenarios) :]:
         ax.set_axis_off()
     for ax, scenario in zip(axes.flat, scenarios, strict=False):
-        _curves_panel(ax, scenario, [d.steps for d in found if d.scenario == scenario], names)
+        _curves_panel(ax, scenario, [d.steps for d in drives if d.scenario == scenario], names)
     for ax in axes[-1]:
         ax.set_xlabel("recall: share of the lost steps found", fontsize=FONT["label"])
     for ax in axes[:, 0]:
@@ -97,13 +97,13 @@ def _curves_panel(ax: Axes, scenario: str, steps: Sequence[Steps], names: Sequen
         )
 
 
-def downstream(found: Sequence[Drive], values: Mapping[str, Mapping[str, Array]]) -> Figure:
+def downstream(drives: Sequence[ScoredDrive], values: Mapping[str, Mapping[str, Array]]) -> Figure:
     """Position error and map of every drive, by what did the cutting; the best median is on top."""
     from matplotlib.figure import Figure
 
     cutters = [name for name, column in values["ate_rmse"].items() if np.isfinite(column).any()]
     cutters.sort(key=lambda name: -_median(values["ate_rmse"][name]))
-    scenarios = list(dict.fromkeys(drive.scenario for drive in found))
+    scenarios = list(dict.fromkeys(drive.scenario for drive in drives))
     figure = Figure(figsize=(WIDTH, 0.27 * len(cutters) + 1.4), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     for ax, number, words in (
@@ -117,7 +117,7 @@ def downstream(found: Sequence[Drive], values: Mapping[str, Mapping[str, Array]]
         for line in boxes["medians"]:
             line.set(color=BLACK, linewidth=1.6)
         for k, scenario in enumerate(scenarios):
-            rows = [drive.scenario == scenario for drive in found]
+            rows = [drive.scenario == scenario for drive in drives]
             medians = [_median(values[number][name][rows]) for name in cutters]
             ax.plot(
                 medians, np.arange(1, len(cutters) + 1), linestyle="none", marker="osD^vPX*"[k % 8],
@@ -168,7 +168,7 @@ def correlation(matrix: Array, names: Sequence[str]) -> Figure:
 
 
 def timeline(steps: Steps, names: Sequence[str] = ("trace2", "neg_matches", "combined")) -> Figure:
-    """The report's figure 5.3 with truth added: error and confidence of every step of a drive."""
+    """Formsma's figure 5.3 with truth added: error and confidence of every step of a drive."""
     figure, axes = grid(len(names) + 1, 1, WIDTH - LEFT - RIGHT, 1.6, 0.0, 0.2)
     _timeline_panel(axes[0], steps, np.maximum(steps.error, 1e-3), "true error / failure", 1.0, "log")
     for ax, name in zip(axes[1:], names, strict=True):

@@ -1,4 +1,4 @@
-"""The study's numbers brought together, for the table, the figures and the page alike."""
+"""The results of the study, for the table, the figures and the page."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 
 from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
 from scenarios.ablate.segmentation.learning import RULES
-from scenarios.ablate.segmentation.scores import Drive, pooled, table
-from scenarios.ablate.segmentation.statistics import Comparison, Mean, comparisons, mean, resamples
+from scenarios.ablate.segmentation.scores import ScoredDrive, pooled_decision, score_table
+from scenarios.ablate.statistics import Mean, PairedDifference, compare_pairs, mean_interval
 from scenarios.evaluation.detection import Decision
 from slam.se2 import Array
 
 SEED = 0
-"""Of what intervals and tests draw."""
+"""Of the generator that intervals draw from."""
 
 
 @dataclass(frozen=True)
-class Line:
+class MeasureSummary:
     """One measure, or a reference that cuts, over all drives: means by score, and its decisions together."""
 
     name: str
@@ -29,27 +29,27 @@ class Line:
 
 @dataclass(frozen=True)
 class Findings:
-    """Everything that is said of the drives.
+    """Summaries and comparisons of the measures over all drives.
 
-    ``values`` as `scores.table` makes them; ``lines`` best first; ``by_scenario``: scenario -> measure ->
+    ``values`` of `scores.score_table`; ``lines`` best first; ``by_scenario``: scenario -> measure ->
     AUC on steps with a match; ``ranking`` compares that over all drives, ``mapping`` the logarithm of the
-    position error when the measure cuts, each a family of its own. ``mapping_by_scenario`` holds the ratios.
+    position error when the measure cuts, each a family of its own.
     """
 
-    drives: tuple[Drive, ...]
+    drives: tuple[ScoredDrive, ...]
     names: tuple[str, ...]
     values: Mapping[str, Mapping[str, Array]]
-    lines: tuple[Line, ...]
+    lines: tuple[MeasureSummary, ...]
     by_scenario: Mapping[str, Mapping[str, Mean]]
-    ranking: tuple[Comparison, ...]
-    mapping: tuple[Comparison, ...]
+    ranking: tuple[PairedDifference, ...]
+    mapping: tuple[PairedDifference, ...]
 
     @property
     def scenarios(self) -> tuple[str, ...]:
         """In the order of the drives."""
         return tuple(dict.fromkeys(drive.scenario for drive in self.drives))
 
-    def line(self, name: str) -> Line:
+    def line(self, name: str) -> MeasureSummary:
         """The line of a measure or a reference."""
         return next(line for line in self.lines if line.name == name)
 
@@ -60,13 +60,12 @@ class Findings:
         return sorted(there, key=lambda name: -scores[name])
 
 
-def findings(drives: Sequence[Drive], names: Sequence[str]) -> Findings:
-    """Bring the drives together. ``names`` are the measures that were asked for."""
+def analyse(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Findings:
+    """Summarise the drives and compare the measures ``names``."""
     rng = np.random.default_rng(SEED)
-    values = table(drives, names)
-    drawn = resamples([drive.scenario for drive in drives], rng)
+    values, strata = score_table(drives, names), [drive.scenario for drive in drives]
     cutters = list(dict.fromkeys([*names, *values["ate_rmse"]]))
-    lines = [_line(name, drives, values, drawn) for name in cutters]
+    lines = [_summary(name, drives, values, rng) for name in cutters]
     scored = {name: values["auc_matched"][name] for name in names if name not in RULES}
     measured = {name: column for name, column in scored.items() if np.isfinite(column).any()}
     logs = {name: np.log(column) for name, column in values["ate_rmse"].items()}
@@ -75,32 +74,41 @@ def findings(drives: Sequence[Drive], names: Sequence[str]) -> Findings:
         tuple(names),
         values,
         tuple(sorted(lines, key=_order)),
-        _by_scenario(drives, measured),
-        tuple(comparisons(measured, drawn, rng)),
-        tuple(comparisons(logs, drawn, rng)),
+        _by_scenario(drives, measured, rng),
+        tuple(compare_pairs(measured, strata, rng)),
+        tuple(compare_pairs(logs, strata, rng)),
     )
 
 
-def _line(
-    name: str, drives: Sequence[Drive], values: Mapping[str, Mapping[str, Array]], drawn: np.ndarray
-) -> Line:
-    means = {score: mean(columns[name], drawn) for score, columns in values.items() if name in columns}
-    if name in values["ate_rmse"]:
-        means["log_ate"] = mean(np.log(values["ate_rmse"][name]), drawn)
-    return Line(name, means, None if name in (NEVER, TRUTH) else pooled(drives, name))
+def _summary(
+    name: str,
+    drives: Sequence[ScoredDrive],
+    values: Mapping[str, Mapping[str, Array]],
+    rng: np.random.Generator,
+) -> MeasureSummary:
+    columns = {score: by_name[name] for score, by_name in values.items() if name in by_name}
+    if "ate_rmse" in columns:
+        columns["log_ate"] = np.log(columns["ate_rmse"])
+    strata = [drive.scenario for drive in drives]
+    means = {score: mean_interval(column, strata, rng) for score, column in columns.items()}
+    return MeasureSummary(name, means, None if name in (NEVER, TRUTH) else pooled_decision(drives, name))
 
 
-def _by_scenario(drives: Sequence[Drive], measured: Mapping[str, Array]) -> dict[str, dict[str, Mean]]:
-    """Intervals of one scenario's drives, each drawn anew."""
-    found = {}
-    for scenario in dict.fromkeys(drive.scenario for drive in drives):
-        rows = np.array([drive.scenario == scenario for drive in drives])
-        drawn = resamples([scenario] * int(rows.sum()), np.random.default_rng(SEED))
-        found[scenario] = {name: mean(column[rows], drawn) for name, column in measured.items()}
-    return found
+def _by_scenario(
+    drives: Sequence[ScoredDrive], measured: Mapping[str, Array], rng: np.random.Generator
+) -> dict[str, dict[str, Mean]]:
+    """Means over the drives of each scenario."""
+    strata = np.array([drive.scenario for drive in drives])
+    return {
+        scenario: {
+            name: mean_interval(column[strata == scenario], strata[strata == scenario].tolist(), rng)
+            for name, column in measured.items()
+        }
+        for scenario in dict.fromkeys(strata.tolist())
+    }
 
 
-def _order(line: Line) -> tuple[int, float]:
+def _order(line: MeasureSummary) -> tuple[int, float]:
     """References last, measures without an AUC on matched steps before them."""
     if "auc_matched" not in line.means:
         return 2, 0.0

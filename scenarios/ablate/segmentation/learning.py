@@ -1,12 +1,12 @@
-"""What the measures need to be told: weights of their combination, and where each is called lost."""
+"""Training of the measures: weights of their combination, and the threshold of each."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import minimize
 
+from scenarios.ablate.classifiers import fit_logistic
 from scenarios.ablate.segmentation.drive import Steps
 from scenarios.evaluation.detection import best_threshold
 from slam.odometry.combination import feature
@@ -15,21 +15,18 @@ from slam.se2 import Array
 
 COMBINED = "combined"
 FEATURES = ("innovation", "neg_match_share", "e_opt")
-"""What is combined: dead reckoning's view, how much of the scan was found again, and what the covariance
-says."""
+"""The measures that are combined: of dead reckoning, of the matched points, and of the covariance."""
 
 RULES = ("zero_match", "zero_run2")
-"""The report's own: they call what they call, whatever would be better."""
-
-PENALTY = 1.0
-"""Of the squared weights of standardised features."""
+"""Formsma's own rules: they have no threshold to learn."""
 
 Examples = Mapping[str, Sequence[Steps]]
 """Drives by scenario."""
 
 
-def fitted(examples: Examples) -> tuple[dict[str, float], float]:
-    """Weights and bias of the combination, by logistic regression on the steps with a match.
+def fit_combination(examples: Examples) -> tuple[dict[str, float], float]:
+    """Weights and bias of the combination, by logistic regression on the standardised measures of the
+    steps with a match.
 
     Every scenario weighs alike, however many steps it has. Raises ``ValueError`` where none or all are lost.
     """
@@ -37,18 +34,9 @@ def fitted(examples: Examples) -> tuple[dict[str, float], float]:
     if not lost.any() or lost.all():
         raise ValueError("expected lost steps and others, found one kind only")
     mean, spread = X.mean(axis=0), X.std(axis=0)
-    Z = (X - mean) / spread
-
-    def loss(beta: Array) -> tuple[float, Array]:
-        odds = Z @ beta[:-1] + beta[-1]
-        value = np.sum(weights * (np.logaddexp(0.0, odds) - lost * odds))
-        off = weights * (1.0 / (1.0 + np.exp(-odds)) - lost)
-        slope = np.append(Z.T @ off + PENALTY * beta[:-1], off.sum())
-        return float(value + 0.5 * PENALTY * np.sum(beta[:-1] ** 2)), slope
-
-    beta = minimize(loss, np.zeros(len(FEATURES) + 1), jac=True).x
-    slopes = beta[:-1] / spread
-    return dict(zip(FEATURES, slopes.tolist(), strict=True)), float(beta[-1] - slopes @ mean)
+    slopes, bias = fit_logistic((X - mean) / spread, lost, weights)
+    slopes = slopes / spread
+    return dict(zip(FEATURES, slopes.tolist(), strict=True)), float(bias - slopes @ mean)
 
 
 def combined(steps: Steps, weights: Mapping[str, float], bias: float) -> Array:
@@ -59,13 +47,13 @@ def combined(steps: Steps, weights: Mapping[str, float], bias: float) -> Array:
     return odds
 
 
-def thresholds(examples: Examples, weights: Mapping[str, float], bias: float) -> dict[str, float]:
-    """Of every measure that could be measured, the threshold of the best F1 over all steps; scenarios weigh
+def learn_thresholds(examples: Examples, weights: Mapping[str, float], bias: float) -> dict[str, float]:
+    """The threshold of the best F1 over all steps, of every measure that was measured; scenarios weigh
     alike."""
-    found = {}
+    best = {}
     for name in MEASURES:
         if name in RULES:
-            found[name] = float("inf")
+            best[name] = float("inf")
             continue
         values, lost, counts = [], [], []
         for drives in examples.values():
@@ -78,8 +66,8 @@ def thresholds(examples: Examples, weights: Mapping[str, float], bias: float) ->
                 lost.append(steps.lost)
                 counts.append(np.full(len(column), 1.0 / total))
         if values:
-            found[name] = best_threshold(np.concatenate(values), np.concatenate(lost), np.concatenate(counts))
-    return found
+            best[name] = best_threshold(np.concatenate(values), np.concatenate(lost), np.concatenate(counts))
+    return best
 
 
 def _table(examples: Examples) -> tuple[Array, np.ndarray, Array]:

@@ -14,9 +14,8 @@ from scenarios.ablate.segmentation import figures
 from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
 from scenarios.ablate.segmentation.findings import Findings
 from scenarios.ablate.segmentation.scores import correlations
-from scenarios.ablate.segmentation.statistics import Comparison, Mean
-from scenarios.ablate.segmentation.table import ABSENT, COLUMNS, cells, notes
-from scenarios.ablate.segmentation.verdict import between
+from scenarios.ablate.segmentation.table import COLUMNS, cells, difference_table, notes, scenario_table
+from scenarios.ablate.statistics import PairedDifference
 from scenarios.report.style import png
 from slam.odometry.confidence import MEASURES
 
@@ -36,45 +35,46 @@ class Picture:
     alt: str
     caption: str
 
+    @classmethod
+    def of(cls, name: str, figure: Figure, caption: str) -> Picture:
+        """A figure under a name."""
+        return cls(name, base64.b64encode(png(figure)).decode("ascii"), caption, f"{caption}.")
 
-def pictures(found: Findings) -> list[Picture]:
+
+def draw_pictures(findings: Findings) -> list[Picture]:
     """The figures of the study."""
-    names = list(found.names)
-    result = [
-        _picture(
+    drives, names = findings.drives, list(findings.names)
+    pictures = [
+        Picture.of(
             "precision_recall",
-            figures.curves(found.drives, names),
+            figures.curves(drives, names),
             "Precision over recall by scenario, all steps; those without a match tie at the top",
-        ),
-        _picture(
+        )
+    ]
+    if any(np.isfinite(column).any() for column in findings.values["ate_rmse"].values()):
+        caption = "Position error and map of all drives, by the measure that cuts; medians of each scenario"
+        pictures.append(Picture.of("downstream", figures.downstream(drives, findings.values), caption))
+    shown = [name for name in ("trace2", "neg_matches", "combined") if name in names]
+    pictures += [
+        Picture.of(
             "correlation",
-            figures.correlation(correlations(found.drives, names), names),
+            figures.correlation(correlations(drives, names), names),
             "Rank correlations of the measures with each other and with the true error, mean over drives",
         ),
-    ]
-    if any(np.isfinite(column).any() for column in found.values["ate_rmse"].values()):
-        result.insert(1, _picture(
-            "downstream",
-            figures.downstream(found.drives, found.values),
-            "Position error and map of all drives, by the measure that cuts; medians of each scenario",
-        ))  # fmt: skip
-    first = found.drives[0]
-    shown = [name for name in ("trace2", "neg_matches", "combined") if name in names]
-    result.append(
-        _picture(
+        Picture.of(
             "timeline",
-            figures.timeline(first.steps, shown),
-            f"Confidence over the drive with the truth added (Formsma's figure 5.3): {first.scenario}, seed "
-            f"{first.seed}",
-        )
-    )
-    return result
+            figures.timeline(drives[0].steps, shown),
+            "Confidence over the drive with the truth added (Formsma's figure 5.3): "
+            f"{drives[0].scenario}, seed {drives[0].seed}",
+        ),
+    ]
+    return pictures
 
 
 def render(
-    found: Findings,
+    findings: Findings,
     verdict: Sequence[str],
-    shown: Sequence[Picture],
+    pictures: Sequence[Picture],
     command: str,
     cost: str,
     thorough: bool,
@@ -89,55 +89,35 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    sure, sure_maps = _sure(found.ranking), _sure(found.mapping)
+    sure, sure_maps = _significant(findings.ranking), _significant(findings.mapping)
     return environment.get_template("page.html.j2").render(
-        found=found, verdict=verdict, columns=COLUMNS, cells=cells, notes=notes(found), pictures=shown,
-        leaders={scenario: _leader(found, scenario) for scenario in found.scenarios}, interval=_interval,
-        sure=sure, compared=len(found.ranking), difference=_difference,
-        sure_maps=sure_maps, compared_maps=len(found.mapping), ratio=_ratio,
-        meanings=meanings(found), command=command, cost=cost, thorough=thorough,
-    )  # fmt: skip
+        findings=findings,
+        verdict=verdict,
+        columns=COLUMNS,
+        cells=cells,
+        notes=notes(findings),
+        pictures=pictures,
+        by_scenario=scenario_table(findings),
+        sure=difference_table("larger AUC", "by [95 %]", sure, ratios=False),
+        sure_maps=difference_table("larger position error", "times [95 %]", sure_maps, ratios=True),
+        meanings=meanings(findings),
+        command=command,
+        cost=cost,
+        thorough=thorough,
+    )
 
 
-def meanings(found: Findings) -> dict[str, str]:
+def meanings(findings: Findings) -> dict[str, str]:
     """What each measure is, as its function says."""
-    told = {name: " ".join((MEASURES[name].__doc__ or "").split()) for name in found.names}
-    if NEVER in found.values["ate_rmse"]:
-        told[NEVER] = "Reference: nothing is cut."
-        told[TRUTH] = "Reference: just what was truly lost is cut."
-    return told
+    texts = {name: " ".join((MEASURES[name].__doc__ or "").split()) for name in findings.names}
+    if NEVER in findings.values["ate_rmse"]:
+        texts[NEVER] = "Reference: nothing is cut."
+        texts[TRUTH] = "Reference: just what was truly lost is cut."
+    return texts
 
 
-def _picture(name: str, figure: Figure, caption: str) -> Picture:
-    return Picture(name, base64.b64encode(png(figure)).decode("ascii"), caption, f"{caption}.")
-
-
-def _leader(found: Findings, scenario: str) -> str:
-    there = {name: one.value for name, one in found.by_scenario[scenario].items() if np.isfinite(one.value)}
-    return max(there, key=lambda name: there[name]) if there else ""
-
-
-def _sure(comparisons: Sequence[Comparison]) -> list[Comparison]:
+def _significant(differences: Sequence[PairedDifference]) -> list[PairedDifference]:
     """The significant ones, the larger first."""
-    found = [one for one in comparisons if one.significant]
-    turned = [
-        one if one.difference.value > 0.0 else between(comparisons, one.second, one.first) for one in found
-    ]
-    return sorted((one for one in turned if one is not None), key=lambda one: -one.difference.value)
-
-
-def _interval(one: Mean) -> str:
-    if not np.isfinite(one.value):
-        return ABSENT
-    if not np.isfinite(one.low):
-        return f"{one.value:.3f}"
-    return f"{one.value:.3f} [{one.low:.3f}, {one.high:.3f}]"
-
-
-def _difference(one: Comparison) -> str:
-    return _interval(one.difference)
-
-
-def _ratio(one: Comparison) -> str:
-    d = one.difference
-    return f"{np.exp(d.value):.2f} [{np.exp(d.low):.2f}, {np.exp(d.high):.2f}]"
+    found = [one for one in differences if one.significant]
+    positive = [one if one.difference.value > 0.0 else one.swapped() for one in found]
+    return sorted(positive, key=lambda one: -one.difference.value)

@@ -1,4 +1,4 @@
-"""What the trials come to: a number for every measure, score and drive."""
+"""Scores of every measure on every drive, and numbers of the maps that it cuts."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ DOWNSTREAM = {
 
 
 @dataclass(frozen=True)
-class Drive:
-    """All answers of one drive: its steps, what each cutter made of it, and how often slamstitch's own front
+class ScoredDrive:
+    """All results of one drive: its steps, what each cutter made of it, and how often slamstitch's own front
     end was lost."""
 
     scenario: str
@@ -57,38 +57,38 @@ class Drive:
         return float(steps.lost[steps.matched].mean() if matched else steps.lost.mean())
 
 
-def drives(answered: Sequence[tuple[Trial, Answer]]) -> list[Drive]:
-    """The drives whose detection has an answer, in the trials' order."""
-    found: dict[tuple[str, int], Answer] = {}
+def collect_drives(answered: Sequence[tuple[Trial, Answer]]) -> list[ScoredDrive]:
+    """The drives whose detection has a result, in the trials' order."""
+    detected: dict[tuple[str, int], Answer] = {}
     cuts: dict[tuple[str, int], dict[str, Mapping[str, float]]] = {}
     for trial, answer in answered:
         if trial.method == DETECTION:
-            found[trial.drive] = answer
+            detected[trial.drive] = answer
         else:
             cuts.setdefault(trial.drive, {})[trial.method] = answer.rows[0]
     return [
-        Drive(
+        ScoredDrive(
             *place,
             Steps.from_bytes(answer.payload),
             cuts.get(place, {}),
             int(answer.rows[0]["steps_ours"]),
             int(answer.rows[0]["lost_ours"]),
         )
-        for place, answer in found.items()
+        for place, answer in detected.items()
     ]
 
 
 def decision(steps: Steps, name: str) -> Decision | None:
-    """What a measure calls lost at its threshold, against what was; None where it has no threshold or was
-    not measured."""
-    found = steps.of(name, np.ones(len(steps.error), dtype=bool))
-    if found is None or name not in THRESHOLDS:
+    """The steps that a measure calls lost at its threshold against those that were; None where it has no
+    threshold or was not measured."""
+    measured = steps.of(name, np.ones(len(steps.error), dtype=bool))
+    if measured is None or name not in THRESHOLDS:
         return None
-    values, lost = found
+    values, lost = measured
     return decided(np.isposinf(values) | (values > THRESHOLDS[name]), lost)
 
 
-def scored(steps: Steps, name: str) -> dict[str, float]:
+def score_measure(steps: Steps, name: str) -> dict[str, float]:
     """The `SCORES` of a measure on one drive; NaN where there is none."""
     nothing = dict.fromkeys(SCORES, float("nan"))
     everything, matched = steps.of(name, np.ones(len(steps.error), dtype=bool)), steps.of(name, steps.matched)
@@ -109,35 +109,35 @@ def scored(steps: Steps, name: str) -> dict[str, float]:
     }
 
 
-def table(found: Sequence[Drive], names: Sequence[str]) -> dict[str, dict[str, Array]]:
+def score_table(drives: Sequence[ScoredDrive], names: Sequence[str]) -> dict[str, dict[str, Array]]:
     """Score or number -> measure or cutter -> its values ``(n,)`` over the drives; NaN where there is
     none."""
     values: dict[str, dict[str, Array]] = {}
     for name in names:
-        rows = [scored(drive.steps, name) for drive in found]
+        rows = [score_measure(drive.steps, name) for drive in drives]
         for score in SCORES:
             values.setdefault(score, {})[name] = np.array([row[score] for row in rows])
-    cutters = dict.fromkeys(cutter for drive in found for cutter in drive.cuts)
+    cutters = dict.fromkeys(cutter for drive in drives for cutter in drive.cuts)
     for number in DOWNSTREAM:
         values[number] = {
-            cutter: np.array([_number(drive.cuts.get(cutter, {}).get(number)) for drive in found])
+            cutter: np.array([_number(drive.cuts.get(cutter, {}).get(number)) for drive in drives])
             for cutter in cutters
         }
     return values
 
 
-def pooled(found: Sequence[Drive], name: str) -> Decision | None:
+def pooled_decision(drives: Sequence[ScoredDrive], name: str) -> Decision | None:
     """The decisions of all drives together; None where a measure has none."""
-    made = [one for drive in found if (one := decision(drive.steps, name)) is not None]
+    made = [one for drive in drives if (one := decision(drive.steps, name)) is not None]
     return sum(made[1:], made[0]) if made else None
 
 
-def correlations(found: Sequence[Drive], names: Sequence[str]) -> Array:
+def correlations(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Array:
     """Spearman's correlation of all measures with each other, and with the true error in the last row and
     column: mean over drives, all steps; NaN where one was never measured or constant."""
     size = len(names) + 1
     sums, counts = np.zeros((size, size)), np.zeros((size, size))
-    for drive in found:
+    for drive in drives:
         columns = [*(drive.steps.columns[name] for name in names), drive.steps.error]
         for i in range(size):
             for j in range(i + 1):

@@ -7,139 +7,148 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
-from scenarios.ablate.segmentation.figures import REPORTS
+from scenarios.ablate.segmentation.figures import THESIS
 from scenarios.ablate.segmentation.findings import Findings
 from scenarios.ablate.segmentation.learning import COMBINED
-from scenarios.ablate.segmentation.statistics import Comparison, Mean
+from scenarios.ablate.statistics import Mean, PairedDifference
 
 
-def verdict(found: Findings) -> list[str]:
+def verdict(findings: Findings) -> list[str]:
     """Sentences: which measure, by how much, how sure, where it does not hold, and what the map says."""
-    said = [_best(found), _ours(found), *_where(found), *_maps(found), _own_front_end(found)]
-    return [sentence for sentence in said if sentence]
+    sentences = [
+        _best(findings),
+        _ours(findings),
+        *_where(findings),
+        *_maps(findings),
+        _own_front_end(findings),
+    ]
+    return [sentence for sentence in sentences if sentence]
 
 
-def between(comparisons: Sequence[Comparison], first: str, second: str) -> Comparison | None:
-    """The comparison of two names, the way round that is asked for."""
-    for one in comparisons:
+def between(differences: Sequence[PairedDifference], first: str, second: str) -> PairedDifference | None:
+    """The difference of two measures in that order."""
+    for one in differences:
         if (one.first, one.second) == (first, second):
             return one
         if (one.first, one.second) == (second, first):
-            d = one.difference
-            return Comparison(first, second, Mean(-d.value, -d.high, -d.low, d.n), one.p, one.adjusted)
+            return one.swapped()
     return None
 
 
-def _best(found: Findings) -> str:
-    ranked = found.ranked()
+def _best(findings: Findings) -> str:
+    ranked = findings.ranked()
     if not ranked:
         return "No drive has both lost steps and others among those with a match: nothing can be told apart."
-    best = found.line(ranked[0])
+    best = findings.line(ranked[0])
     text = (
         f"{best.name} finds lost steps best: of the steps with a match, a lost one scores worse than another "
         f"one in {_percent(best.means['auc_matched'])} of the cases (AUC, mean of "
         f"{best.means['auc_matched'].n} drives)."
     )
-    alike = [name for name in ranked[1:] if not _surely(found.ranking, best.name, name)]
+    alike = [name for name in ranked[1:] if not _surely(findings.ranking, best.name, name)]
     if alike:
         return f"{text} It cannot be told apart from {_listed(alike)} on these drives."
     if len(ranked) == 1:
         return text
-    second = between(found.ranking, best.name, ranked[1])
+    second = between(findings.ranking, best.name, ranked[1])
     assert second is not None
-    return f"{text} That is surely more than any other; {ranked[1]} is next, {_told(second)}."
+    return f"{text} That is surely more than any other; {ranked[1]} is next, {_describe(second)}."
 
 
-def _ours(found: Findings) -> str:
-    """Whether the combination beats the report's measures."""
-    there = [name for name in REPORTS if name in found.ranked()]
-    if COMBINED not in found.ranked() or not there:
+def _ours(findings: Findings) -> str:
+    """Whether the combination beats Formsma's measures."""
+    there = [name for name in THESIS if name in findings.ranked()]
+    if COMBINED not in findings.ranked() or not there:
         return ""
-    told, beaten = [], True
+    described, beaten = [], True
     for name in there:
-        one = between(found.ranking, COMBINED, name)
+        one = between(findings.ranking, COMBINED, name)
         assert one is not None
-        told.append(f"{name} ({_told(one)})")
+        described.append(f"{name} ({_describe(one)})")
         beaten &= one.significant and one.difference.value > 0.0
     if beaten:
-        return f"Our {COMBINED} measure, learnt on other scenarios, beats the report's: {_listed(told)}."
-    return f"Our {COMBINED} measure does not surely beat all of the report's: {_listed(told)}."
+        return f"Our {COMBINED} measure, learnt on other scenarios, beats Formsma's: {_listed(described)}."
+    return f"Our {COMBINED} measure does not surely beat all of Formsma's: {_listed(described)}."
 
 
-def _where(found: Findings) -> list[str]:
+def _where(findings: Findings) -> list[str]:
     """Scenarios in which the best measure is not the best, and measures whose rank depends on where."""
-    ranked = found.ranked()
-    if not ranked or len(found.scenarios) < 2:
+    ranked = findings.ranked()
+    if not ranked or len(findings.scenarios) < 2:
         return []
-    best, said = ranked[0], []
-    for scenario, means in found.by_scenario.items():
+    best, sentences = ranked[0], []
+    for scenario, means in findings.by_scenario.items():
         there = {name: one.value for name, one in means.items() if np.isfinite(one.value)}
         if best not in there:
-            said.append(f"in {scenario} no step with a match was lost, or it was not measured")
+            sentences.append(f"in {scenario} no step with a match was lost, or it was not measured")
             continue
         ahead = [name for name, value in there.items() if value > there[best]]
         if ahead:
-            told = [f"{name} ({there[name]:.3f})" for name in sorted(ahead, key=lambda n: -there[n])[:3]]
-            said.append(f"in {scenario} ({there[best]:.3f}) {_listed(told)} {_are(told)} ahead of it")
-    if not said:
-        return [f"{best} has the largest AUC in every one of the {len(found.scenarios)} scenarios."]
-    return [f"Where that does not hold: {'; '.join(said)}."]
+            described = [f"{name} ({there[name]:.3f})" for name in sorted(ahead, key=lambda n: -there[n])[:3]]
+            sentences.append(
+                f"in {scenario} ({there[best]:.3f}) {_listed(described)} {_are(described)} ahead of it"
+            )
+    if not sentences:
+        return [f"{best} has the largest AUC in every one of the {len(findings.scenarios)} scenarios."]
+    return [f"Where that does not hold: {'; '.join(sentences)}."]
 
 
-def _maps(found: Findings) -> list[str]:
+def _maps(findings: Findings) -> list[str]:
     """What cutting by a measure does to the final map."""
-    cutters = found.values["ate_rmse"]
+    cutters = findings.values["ate_rmse"]
     if NEVER not in cutters or len(cutters) < 2:
         return []
-    said = []
+    sentences = []
     for sign, words in ((-1, "smaller"), (1, "larger")):
-        found_here = []
+        surely = []
         for name in cutters:
-            one = between(found.mapping, name, NEVER) if name not in (NEVER, TRUTH) else None
+            one = between(findings.mapping, name, NEVER) if name not in (NEVER, TRUTH) else None
             if one is not None and one.significant and np.sign(one.difference.value) == sign:
-                found_here.append((one.difference.value, name, one))
-        if found_here:
-            told = [f"{name} ({_ratio(one)})" for _, name, one in sorted(found_here, key=lambda f: f[0])]
-            said.append(f"The final map's position error is surely {words} than uncut by {_listed(told)}.")
-    if not said:
-        said.append("No measure makes the final map surely better or worse than no cut at all.")
-    candidates = {n: found.line(n).means["log_ate"].value for n in cutters if n not in (NEVER, TRUTH)}
+                surely.append((one.difference.value, name, one))
+        if surely:
+            described = [f"{name} ({_ratio(one)})" for _, name, one in sorted(surely, key=lambda f: f[0])]
+            sentences.append(
+                f"The final map's position error is surely {words} than uncut by {_listed(described)}."
+            )
+    if not sentences:
+        sentences.append("No measure makes the final map surely better or worse than no cut at all.")
+    candidates = {n: findings.line(n).means["log_ate"].value for n in cutters if n not in (NEVER, TRUTH)}
     finite = {name: value for name, value in candidates.items() if np.isfinite(value)}
     if finite and TRUTH in cutters:
         best = min(finite, key=lambda name: finite[name])
-        one = between(found.mapping, best, TRUTH)
+        one = between(findings.mapping, best, TRUTH)
         if one is not None:
             sure = "surely" if one.significant else "not surely"
-            said.append(
+            sentences.append(
                 f"Of the measures, cutting by {best} leaves the smallest error; cutting just where the truth "
                 f"says differs from it by a factor of {np.exp(-one.difference.value):.2f}, {sure}."
             )
-    return said
+    return sentences
 
 
-def _own_front_end(found: Findings) -> str:
-    steps = sum(drive.steps_ours for drive in found.drives)
-    lost = sum(drive.lost_ours for drive in found.drives)
-    there = sum(len(drive.steps.error) for drive in found.drives)
-    lost_there = sum(int(drive.steps.lost.sum()) for drive in found.drives)
+def _own_front_end(findings: Findings) -> str:
+    steps = sum(drive.steps_ours for drive in findings.drives)
+    lost = sum(drive.lost_ours for drive in findings.drives)
+    there = sum(len(drive.steps.error) for drive in findings.drives)
+    lost_there = sum(int(drive.steps.lost.sum()) for drive in findings.drives)
     return (
-        f"All this is of ManifoldSLAM, the report's front end, lost at {lost_there} of {there} steps "
+        f"All this is of ManifoldSLAM, Formsma's front end, lost at {lost_there} of {there} steps "
         f"({lost_there / there:.1%}). slamstitch's own was lost at {lost} of {steps} "
         "on the same drives, which leaves a measure hardly anything to find."
     )
 
 
-def _surely(comparisons: Sequence[Comparison], first: str, second: str) -> bool:
+def _surely(comparisons: Sequence[PairedDifference], first: str, second: str) -> bool:
     one = between(comparisons, first, second)
     return one is not None and one.significant
 
 
-def _told(one: Comparison) -> str:
+def _describe(one: PairedDifference) -> str:
     d = one.difference
     return f"{d.value:+.3f}{_bounds(d.low, d.high, '+.3f')}, p {_p(one.adjusted)}"
 
 
-def _ratio(one: Comparison) -> str:
+def _ratio(one: PairedDifference) -> str:
     low, value, high = np.exp([one.difference.low, one.difference.value, one.difference.high])
     return f"×{value:.2f}{_bounds(low, high, '.2f')}"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 from itertools import chain, product
 from pathlib import Path
@@ -11,70 +10,51 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from scenarios.ablate.study.stitching import chosen, seeds_of
-from scenarios.catalogue import CATALOGUE
-from scenarios.sweep import Answer, Trial, check, finish, sweep
+from scenarios.options import StudyOptions
+from scenarios.sweep import Answer, Trial, finish
 from slam.cli import InputError
-
-REPORTED = range(100)
-"""Seeds that results are reported on: nothing is learnt from them."""
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(StudyOptions):
     """Learn the weights of `stitch.alignment.likelihood` from simulated pairs of submaps, and print them.
 
-    Every alignment that the search of a pair leads to is an example, right or wrong within the limits of the
-    stitching study. Furniture is moved in every building, in two of three besides the pairs in which it is
-    not. Logistic regression on the square roots of the counts, with an L2 penalty; then the constant that a
-    prior adds.
+    Every candidate of the search of a pair is an example, right or wrong within the limits of the stitching
+    study. Furniture is moved in every building, in two of three besides the pairs in which it is not.
+    Logistic regression on the square roots of the counts, with an L2 penalty; then the constant that a prior
+    adds. Needs the extra [train].
     """
 
     scenarios: str = "hospital,beehive,office_smoke,two_drives"
     """Scenarios of the catalogue, with commas between; twin_rooms would teach the wrong thing."""
     seeds: str = "200-211"
     """Seeds: first-last, or numbers with commas between; 100 and above."""
-    workers: int = 0
-    """Processes; 0 takes a process for each core. The results do not depend on it."""
-    scheduler: Annotated[str | None, tyro.conf.arg(metavar="tcp://HOST:PORT")] = None
-    """A running Dask scheduler whose workers do the trials, instead of processes of this machine."""
     out: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("runs/ablate-likeness")
     """A folder for sweep.sqlite, from which a sweep that was interrupted goes on."""
-    fresh: bool = False
-    """Forget the trials that the folder holds and run them again."""
 
 
 def run(options: Options) -> None:
-    """Harvest the buildings, fit, and print the table of weights as it stands in the code."""
-    seeds = seeds_of(options.seeds)
-    if min(seeds) in REPORTED:
-        raise InputError(f"--seeds {options.seeds!r}: expected seeds from 100 on, the others are reported on")
-    check(options.scheduler, options.workers, options.out)
-    scenarios = chosen(options.scenarios, list(CATALOGUE), "scenario")
+    """Sample the pairs, fit, and print the table of weights as it stands in the code."""
+    scenarios, seeds = options.checked_for_training()
 
-    from scenarios.ablate.examples import Examples, fit, fit_guided
+    from scenarios.ablate.classifiers import require
+    from scenarios.ablate.training_set import CountedAlignments, fit_likelihood, fit_prior_offset
 
-    store = options.out / "sweep.sqlite"
-    swept = sweep(
-        [Trial("likeness", name, seed, "joint") for name, seed in product(scenarios, seeds)],
-        examples,
-        store,
-        scheduler=options.scheduler,
-        workers=options.workers,
-        fresh=options.fresh,
-    )
-    both = [Examples.unpacked(found.payload, 2) for _, found in swept.answered]
-    alone, guided = [free for free, _ in both], [told for _, told in both]
-    free, told = Examples.together(alone), Examples.together(guided)
-    if not free.right.any() or free.right.all():
+    require()
+    trials = [Trial("likeness", name, seed, "joint") for name, seed in product(scenarios, seeds)]
+    swept = options.sweep(trials, collect_alignments)
+    empty = CountedAlignments.empty()
+    parts = [(empty, empty), *(CountedAlignments.unpack(result.payload) for _, result in swept.answered)]
+    unguided, guided = (CountedAlignments.concat(several) for several in zip(*parts, strict=True))
+    if not unguided.right.any() or unguided.right.all():
         raise InputError(f"--seeds {options.seeds}: expected right and wrong alignments, found one kind only")
-    weights, gaps, bias = fit(free)
-    by_prior = fit_guided(told, weights, gaps, bias)
-    print(f"{len(free.right)} alignments without a prior, {free.right.sum()} of them right")
-    print(f"{len(told.right)} alignments with a prior, {told.right.sum()} of them right\n")
+    weights, gaps, bias = fit_likelihood(unguided)
+    offset = fit_prior_offset(guided, weights, gaps, bias)
+    print(f"{len(unguided.right)} alignments without a prior, {unguided.right.sum()} of them right")
+    print(f"{len(guided.right)} alignments with a prior, {guided.right.sum()} of them right\n")
     print(f"WEIGHTS = np.array(\n{_literal(weights)}\n)\nGAPS = np.array({_literal(gaps)})")
-    print(f"BIAS, GUIDED = {bias:.2f}, {by_prior:.2f}")
-    finish(swept, store)
+    print(f"BIAS, GUIDED = {bias:.2f}, {offset:.2f}")
+    finish(swept, options.store)
 
 
 def _literal(numbers: np.ndarray) -> str:
@@ -82,17 +62,19 @@ def _literal(numbers: np.ndarray) -> str:
     return np.array2string(numbers, precision=2, separator=", ", suppress_small=True, floatmode="fixed")
 
 
-def examples(trial: Trial, nothing: None) -> Answer:
-    """Alignments of all pairs of a building, without a prior and with one, as the payload."""
-    from scenarios.ablate.examples import Examples
-    from scenarios.ablate.harvesting import both_ways
-    from scenarios.ablate.trial import drawn_prior
+def collect_alignments(trial: Trial, nothing: None) -> Answer:
+    """Candidates of all pairs of a building, without a prior and with one, as the payload."""
+    from scenarios.ablate.pair_sampling import training_pairs
+    from scenarios.ablate.random_streams import stream
+    from scenarios.ablate.stitching_trials import draw_prior
+    from scenarios.ablate.training_set import CountedAlignments
     from stitch.alignment.config import AlignConfig
 
-    alone, guided = [], []
-    for k, pair in enumerate(chain(*both_ways(trial.scenario, trial.seed))):
-        rng = np.random.default_rng([pair.seed, zlib.crc32(pair.scenario.encode()), 4, k])
-        alone.append(Examples.of_pair(pair, None, AlignConfig()))
-        guided.append(Examples.of_pair(pair, drawn_prior(pair.T_a_b, rng), AlignConfig()))
-    free, told = Examples.together(alone), Examples.together(guided)
-    return Answer([{"alone": len(free.right), "guided": len(told.right)}], Examples.packed([free, told]))
+    unguided, guided, config = [CountedAlignments.empty()], [CountedAlignments.empty()], AlignConfig()
+    for k, pair in enumerate(chain(*training_pairs(trial.scenario, trial.seed))):
+        prior = draw_prior(pair.T_a_b, stream(pair.seed, pair.scenario, "priors", k))
+        unguided.append(CountedAlignments.of_pair(pair, None, config))
+        guided.append(CountedAlignments.of_pair(pair, prior, config))
+    both = [CountedAlignments.concat(several) for several in (unguided, guided)]
+    numbers = {"alone": len(both[0].right), "guided": len(both[1].right)}
+    return Answer([numbers], CountedAlignments.pack(both))

@@ -14,19 +14,39 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate.harvesting import PAIRS, Bins, answer, kept, rows_of, size, trials
-from scenarios.ablate.pairs import BINS, NONE, TWINS, Harvest, Pair, bin_of, frame_near, harvest, shared
-from scenarios.ablate.pieces import CELL, LENGTH, Piece, best_rigid, warp
+from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, warp
+from scenarios.ablate.pair_sampling import (
+    BINS,
+    NONE,
+    TWINS,
+    PairSample,
+    SubmapPair,
+    bin_of,
+    frame_near,
+    overlap_of,
+    sample_pairs,
+)
+from scenarios.ablate.stitching_summary import ALL, summarise
+from scenarios.ablate.stitching_trials import (
+    PAIRS,
+    AlignerVariant,
+    AlignmentRow,
+    BinCounts,
+    align_pairs,
+    draw_prior,
+    map_size,
+    run_trial,
+    score_alignment,
+    trials,
+    truncate_to_quota,
+)
 from scenarios.ablate.study import STUDIES
-from scenarios.ablate.study.stitching import chosen, notes, seeds_of
-from scenarios.ablate.summary import ALL, Share, lines
-from scenarios.ablate.trial import Row, Variant, drawn_prior, judged
-from scenarios.ablate.visits import rearranged
+from scenarios.ablate.study.stitching import notes
+from scenarios.ablate.two_session_recordings import rearrange
 from scenarios.catalogue import CATALOGUE
 from scenarios.sweep import Answer, Trial, sweep
 from sim.floorplan import Prism, box, cupboard, table
 from slam import se2
-from slam.cli import InputError
 from slam.mapping.occupancy import Grid
 from stitch.align import NoStitch, Stitch
 
@@ -41,17 +61,17 @@ ROUTE = np.array([[3.0, 2.5], [3.0, 3.5]])
 
 
 @pytest.fixture(scope="module")
-def hives() -> tuple[Pair, ...]:
+def hives() -> tuple[SubmapPair, ...]:
     """Pairs from two visits to one beehive, furniture moved between them."""
-    return harvest(CATALOGUE["beehive"], 102, 1).pairs
+    return sample_pairs(CATALOGUE["beehive"], 102, 1).pairs
 
 
-def row(outcome: str, where: str = "30 %", nees: float = np.nan, variant: str = "joint") -> Row:
-    return Row(variant, "hospital", 0, where, 0.3, False, 2.0, outcome, 0.0, 0.0, nees, 0.5, "")  # type: ignore[arg-type]
+def row(outcome: str, where: str = "30 %", nees: float = np.nan, variant: str = "joint") -> AlignmentRow:
+    return AlignmentRow(variant, "hospital", 0, where, 0.3, False, 2.0, outcome, 0.0, 0.0, nees, 0.5, "")  # type: ignore[arg-type]
 
 
-def piece(known: list[list[int]], frames: np.ndarray, middles: np.ndarray) -> Piece:
-    return Piece(None, np.array(known), frames, middles)  # type: ignore[arg-type]
+def piece(known: list[list[int]], frames: np.ndarray, middles: np.ndarray) -> MapFragment:
+    return MapFragment(None, np.array(known), frames, middles)  # type: ignore[arg-type]
 
 
 def test_bins_are_by_share_and_twins_apart() -> None:
@@ -69,12 +89,12 @@ def test_overlap_by_hand() -> None:
     nothing = np.zeros((1, 3))
     a = piece([[0, 0], [1, 0], [-5, 2], [7, 7]], nothing, nothing[:, :2])
     b = piece([[1, 0], [-5, 2], [0, 1]], nothing, nothing[:, :2])
-    cells, share = shared(a, b)
+    cells, share = overlap_of(a, b)
     assert sorted(cells.tolist()) == [[-5, 2], [1, 0]]
     assert share == pytest.approx(2.0 / 3.0)
 
 
-def test_the_pairs_overlap_as_much_as_their_bin_says(hives: tuple[Pair, ...]) -> None:
+def test_the_pairs_overlap_as_much_as_their_bin_says(hives: tuple[SubmapPair, ...]) -> None:
     """Counted anew, from the maps themselves laid on each other at the true pose."""
     assert {pair.bin for pair in hives} >= {"50 %", "80 %"}
     for pair in hives:
@@ -94,7 +114,7 @@ def _known(submap, T: np.ndarray) -> set[tuple[int, int]]:
     return set(map(tuple, np.floor(se2.transform(T, centres) / CELL).astype(int).tolist()))
 
 
-def test_walls_coincide_at_the_true_pose(hives: tuple[Pair, ...]) -> None:
+def test_walls_coincide_at_the_true_pose(hives: tuple[SubmapPair, ...]) -> None:
     for pair in hives:
         if pair.bin == "80 %":
             moved = se2.transform(pair.T_a_b, pair.b.grid.occupied_points())
@@ -122,25 +142,19 @@ def test_warp_of_a_rigid_map_is_none() -> None:
     assert warp(bent, places) > 1.0
 
 
-def test_best_rigid_recovers_a_pose() -> None:
-    points = np.random.default_rng(0).normal(0.0, 5.0, (20, 2))
-    T = np.array([1.0, -2.0, 2.5])
-    np.testing.assert_allclose(best_rigid(points, se2.transform(T, points)), T, atol=1e-9)
-
-
 def test_a_judge_measures_at_the_overlap() -> None:
     """One degree of error ten metres away is 17 cm, whatever it is at the origin."""
     T = np.array([1.0, 2.0, 0.5])
     off = se2.compose(T, [0.0, 0.0, np.radians(1.0)])
     stitch = Stitch(off, np.diag([0.1, 0.1, np.radians(0.5)]) ** 2, 1.0, 10.0, 1.0)
-    outcome, error, nees = judged(stitch, T, np.array([10.0, 0.0]))
+    outcome, error, nees = score_alignment(stitch, T, np.array([10.0, 0.0]))
     assert outcome == "right"
     assert error == pytest.approx((2.0 * 10.0 * np.sin(np.radians(0.5)), 1.0))
     assert nees == pytest.approx(4.0)
-    assert judged(stitch, T, np.array([20.0, 0.0]))[0] == "false"
-    assert judged(NoStitch("no"), T, np.zeros(2))[0] == "refused"
+    assert score_alignment(stitch, T, np.array([20.0, 0.0]))[0] == "false"
+    assert score_alignment(NoStitch("no"), T, np.zeros(2))[0] == "refused"
     turned = replace(stitch, T_a_b=se2.compose(T, [0.0, 0.0, np.radians(2.1)]), covariance=None)
-    outcome, _, nees = judged(turned, T, np.zeros(2))
+    outcome, _, nees = score_alignment(turned, T, np.zeros(2))
     assert outcome == "false"
     assert np.isnan(nees)
 
@@ -148,14 +162,14 @@ def test_a_judge_measures_at_the_overlap() -> None:
 def test_priors_are_as_wrong_as_they_say() -> None:
     rng = np.random.default_rng(0)
     T = np.array([3.0, -1.0, 2.0])
-    distances = [float(drawn_prior(T, rng).distance(T[None])[0]) for _ in range(400)]
+    distances = [float(draw_prior(T, rng).distance(T[None])[0]) for _ in range(400)]
     assert np.mean(distances) == pytest.approx(3.0, abs=0.4)
 
 
 def test_counting_by_hand() -> None:
     rows = [row("right", nees=3.0), row("right", nees=6.0), row("false", nees=900.0), row("refused")]
     rows += [row("refused", NONE), row("false", NONE)]
-    first, none, everything = lines(rows, [*BINS, NONE, TWINS])
+    first, none, everything = summarise(rows, [*BINS, NONE, TWINS])
     assert (first.bin, none.bin, everything.bin) == ("30 %", NONE, ALL)
     assert (first.right.count, first.right.n) == (2, 4)
     assert (first.false.count, first.false.n) == (1, 3)
@@ -165,28 +179,21 @@ def test_counting_by_hand() -> None:
     assert everything.seconds == 0.5
 
 
-def test_wilson_interval() -> None:
-    low, high = Share(9, 10).interval
-    assert (low, high) == pytest.approx((0.5958, 0.9821), abs=1e-3)  # Brown, Cai & DasGupta 2001
-    assert Share(0, 10).interval[0] == 0.0
-    assert Share(10, 10).interval[1] == 1.0
-
-
 def test_some_furniture_moves_within_its_room_and_walls_do_not() -> None:
     prisms = [*ROOM, *cupboard([0.8, 0.4, 0.0]), *table([4.5, 4.8, 0.0]), *cupboard([5.2, 1.0, 1.57])]
-    after = rearranged(tuple(prisms), ROUTE, np.random.default_rng(1))
+    after = rearrange(tuple(prisms), ROUTE, np.random.default_rng(1))
     assert after[:4] == tuple(ROOM)
     corners = np.concatenate([prism.footprint for prism in after[4:]])
     assert np.all((corners > 0.0) & (corners < 6.0))
     assert np.min(np.linalg.norm(corners[:, None] - ROUTE, axis=2)) > 0.45
-    kept = {prism.footprint.tobytes() for prism in after}
-    assert any(prism.footprint.tobytes() not in kept for prism in prisms)
+    stayed = {prism.footprint.tobytes() for prism in after}
+    assert any(prism.footprint.tobytes() not in stayed for prism in prisms)
 
 
 def test_a_table_keeps_its_legs() -> None:
     prisms = (*ROOM, *table([2.0, 1.2, 0.0]))
     for seed in range(6):
-        after = rearranged(prisms, ROUTE, np.random.default_rng(seed))
+        after = rearrange(prisms, ROUTE, np.random.default_rng(seed))
         assert len(after) in (4, 4 + 5)
         if len(after) == 9:
             top, legs = after[4], after[5:]
@@ -210,7 +217,7 @@ def counted(trial: Trial, bins: list[str]) -> Answer:
 def test_buildings_are_visited_until_the_bins_are_full(scenario: str) -> None:
     """Each has two pairs of every bin that its scenario can fill; three are wanted."""
     where = [TWINS] if scenario == "twin_rooms" else [*BINS, NONE]
-    bins = Bins(3)
+    bins = BinCounts(3)
     buildings = [(scenario, seed) for seed in range(9)]
     swept = sweep(
         trials(buildings, ["orb", "joint"], bins, LENGTH),
@@ -222,7 +229,7 @@ def test_buildings_are_visited_until_the_bins_are_full(scenario: str) -> None:
     )
     assert [trial.seed for trial in swept.trials] == [0] * 4 + [1] * 4
     assert [trial.method for trial in swept.trials[:4]] == [PAIRS, "orb", "joint", "joint + prior"]
-    first, second = kept(swept, 3)
+    first, second = truncate_to_quota(swept, 3)
     assert (len(first.rows), len(second.rows)) == (3 * 2 * len(where), 3 * len(where))
     assert [one.variant for one in first.rows[:3]] == ["orb", "joint", "joint + prior"]
     assert [one.bin for one in second.rows[::3]] == where
@@ -234,10 +241,10 @@ def test_a_study_in_which_every_building_failed_still_has_notes() -> None:
     assert notes([]) == ["no building gave an answer"]
 
 
-def test_pairs_are_counted_by_a_trial_of_their_own(hives: tuple[Pair, ...]) -> None:
-    found = Harvest(hives, 20, 3)
-    (row,) = answer(Trial("stitching", "beehive", 102, PAIRS, {"quota": 1}), found).rows
-    sizes = [size(submap.grid) for pair in hives for submap in (pair.a, pair.b)]
+def test_pairs_are_counted_by_a_trial_of_their_own(hives: tuple[SubmapPair, ...]) -> None:
+    found = PairSample(hives, 20, 3)
+    (row,) = run_trial(Trial("stitching", "beehive", 102, PAIRS, {"quota": 1}), found).rows
+    sizes = [map_size(submap.grid) for pair in hives for submap in (pair.a, pair.b)]
     assert row == {"bins": [pair.bin for pair in hives], "stretches": 20, "bent": 3, "sizes": sizes}
     assert all(short <= long < 40.0 for long, short in sizes)  # the building is 26 × 24 m
 
@@ -251,18 +258,18 @@ def test_the_size_of_a_map_does_not_depend_on_how_it_lies() -> None:
     slanting = (np.abs(along) < 30.0) & (np.abs(across) < 10.0)
     for seen in (straight, slanting):
         grid = Grid(np.zeros_like(seen), seen, np.zeros(2), 0.1)
-        assert size(grid) == pytest.approx((6.0, 2.0), abs=0.15)
+        assert map_size(grid) == pytest.approx((6.0, 2.0), abs=0.15)
 
 
 def test_a_worker_answers_as_this_process_does(
-    hives: tuple[Pair, ...], ablate: Command, tmp_path: Path
+    hives: tuple[SubmapPair, ...], ablate: Command, tmp_path: Path
 ) -> None:
     """The command, with two processes, against the rows made here: the same but for the time they took."""
     command = ["stitching", "--pairs", "1", "--seeds", "102", "--scenarios", "beehive", "-o", tmp_path]
     done = ablate(*command, "--methods", "htms,joint", "--workers", "2", "--format", "json")
     assert done.code == 0, done.stderr
-    variants = [Variant("htms", False), Variant("joint", False), Variant("joint", True)]
-    here = [one for group in zip(*(rows_of(hives, v) for v in variants), strict=True) for one in group]
+    variants = [AlignerVariant("htms", False), AlignerVariant("joint", False), AlignerVariant("joint", True)]
+    here = [one for group in zip(*(align_pairs(hives, v) for v in variants), strict=True) for one in group]
     with (tmp_path / "results.csv").open(newline="") as file:
         there = list(csv.DictReader(file))
     assert len(there) == len(here)
@@ -302,11 +309,3 @@ def test_bad_input_is_one_line(ablate: Command, arguments: list[str], complaint:
     assert complaint in done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""
-
-
-def test_lists_of_names_and_seeds() -> None:
-    assert chosen("b, a,b", ["a", "b"], "method") == ["b", "a"]
-    assert seeds_of("3-5") == [3, 4, 5]
-    assert seeds_of("7") == [7]
-    with pytest.raises(InputError, match="expected a method"):
-        chosen(" ,", ["a"], "method")

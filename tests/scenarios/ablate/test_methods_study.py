@@ -12,11 +12,17 @@ import numpy as np
 import pytest
 
 from scenarios import source
-from scenarios.ablate.contestants import Contestant, contestants
-from scenarios.ablate.drives import LAST, Drive, answer, drive_of, recorded, trial_of
-from scenarios.ablate.standing import EVERYWHERE, Comparison, comparisons, interval, standings
-from scenarios.ablate.standing_table import print_standings
-from scenarios.ablate.study.methods import Options, checked, counted, run
+from scenarios.ablate.method_variants import (
+    LAST,
+    DriveResult,
+    MethodVariant,
+    method_variants,
+    run_trial,
+    simulate_recording,
+)
+from scenarios.ablate.paired_comparison import EVERYWHERE, PairedRatio, compare_methods, summarise
+from scenarios.ablate.ranking_table import print_ranking
+from scenarios.ablate.study.methods import Options, checked, run
 from scenarios.methods import METHODS
 from scenarios.source import Source
 from scenarios.sweep import sweep
@@ -26,8 +32,8 @@ from slam.recording import Laser, Recording
 LINE = np.column_stack([0.1 * np.arange(30.0), np.zeros(30), np.zeros(30)])
 
 
-def drive(scenario: str, seed: int, method: str, ate: float, **values: float) -> Drive:
-    return Drive(scenario, seed, method, {"ate_rmse": ate, **values}, seconds=float(seed))
+def drive(scenario: str, seed: int, method: str, ate: float, **values: float) -> DriveResult:
+    return DriveResult(scenario, seed, method, {"ate_rmse": ate, **values}, seconds=float(seed))
 
 
 def drifting(scenario: str, seed: int, *unused: object) -> Source:
@@ -63,16 +69,16 @@ ROWS = [
     drive("hospital", 1, "slamstitch", 0.04, map_f1=0.7, stitches_accepted=7, stitches_false=0, anees=2.5),
     drive("hospital", 2, "ins", 0.3),
     drive("hospital", 2, "wsm", 0.1),
-    Drive("hospital", 2, "slamstitch", error="RuntimeError: no"),
+    DriveResult("hospital", 2, "slamstitch", error="RuntimeError: no"),
     drive("outdoor", 3, "ins", 0.1),
     drive("outdoor", 3, "wsm", 0.5),
     drive("outdoor", 3, "slamstitch", 0.2, map_f1=0.8, stitches_accepted=0, stitches_false=0),
 ]
-THREE = contestants(["ins", "wsm", "slamstitch"], ["gnc"], 0.0)
+THREE = method_variants(["ins", "wsm", "slamstitch"], ["gnc"], 0.0)
 
 
 def test_standings_by_hand() -> None:
-    found = {(one.scenario, one.method): one for one in standings(ROWS)}
+    found = {(one.scenario, one.method): one for one in summarise(ROWS)}
     ours = found["hospital", "slamstitch"]
     assert (ours.drives, ours.failed) == (2, 1)
     assert ours.ate_rmse == pytest.approx(0.045)
@@ -92,14 +98,14 @@ def test_standings_by_hand() -> None:
 
 def test_the_last_poses_have_the_band_of_as_many_drives() -> None:
     rows = [drive("hospital", k, "slamstitch", 0.1, **{LAST: nees}) for k, nees in enumerate([3.0, 6.0])]
-    (found,) = standings([*rows, drive("hospital", 2, "slamstitch", 0.1, **{LAST: float("nan")})])
+    (found,) = summarise([*rows, drive("hospital", 2, "slamstitch", 0.1, **{LAST: float("nan")})])
     assert found.anees_last == pytest.approx(1.5)
     assert found.band == pytest.approx((1.2373 / 6, 14.4494 / 6), rel=1e-4)  # χ²₆
 
 
 def test_comparisons_by_hand() -> None:
     """Of three drives in the hospital ours finished two: 0.05 and 0.04 m."""
-    found = {(c.scenario, c.against): c for c in comparisons(ROWS, THREE, np.random.default_rng(0))}
+    found = {(c.scenario, c.against): c for c in compare_methods(ROWS, THREE, np.random.default_rng(0))}
     against_ins = found["hospital", "ins"]
     assert against_ins.drives == 2
     assert against_ins.ratio == pytest.approx((0.25 + 0.4) / 2)
@@ -117,7 +123,7 @@ def test_comparisons_by_hand() -> None:
 
 
 def test_injection_is_compared_with_the_same_without() -> None:
-    both = contestants(["slamstitch"], ["gnc", "none"], 0.5)
+    both = method_variants(["slamstitch"], ["gnc", "none"], 0.5)
     assert [one.name for one in both] == [
         "slamstitch",
         "slamstitch +50%",
@@ -125,30 +131,19 @@ def test_injection_is_compared_with_the_same_without() -> None:
         "slamstitch none +50%",
     ]
     rows = [drive("hospital", 0, one.name, 0.1 * (k + 1)) for k, one in enumerate(both)]
-    found = comparisons(rows, both, np.random.default_rng(0))
+    found = compare_methods(rows, both, np.random.default_rng(0))
     assert [(c.method, c.against, round(c.ratio, 3)) for c in found] == [
         ("slamstitch", "slamstitch none", 0.333),
         ("slamstitch +50%", "slamstitch", 2.0),
         ("slamstitch none +50%", "slamstitch none", 1.333),
     ]
-    assert both[3].config(7).loops.back_end == "none"
-    assert (both[3].config(7).loops.injected, both[3].config(7).loops.injected_seed) == (0.5, 7)
-    assert both[2].config(7).loops.injected == 0.0
-
-
-def test_the_interval_of_a_median() -> None:
-    """It holds the true median in about 95 of 100 samples, and comes out the same twice."""
-    rng = np.random.default_rng(2)
-    samples = rng.normal(1.0, 0.3, (300, 21))
-    held = [low <= 1.0 <= high for low, high in (interval(sample, rng) for sample in samples)]
-    assert 0.90 < np.mean(held) < 0.99
-    twice = [interval(samples[0], np.random.default_rng(5)) for _ in range(2)]
-    assert twice[0] == twice[1]
+    assert [one.config().slam.loops.back_end for one in both] == ["gnc", "gnc", "none", "none"]
+    assert [one.injected for one in both] == [0.0, 0.5, 0.0, 0.5]
 
 
 def test_a_row_has_every_metric_and_what_is_asked_of_the_last_pose(quick: None) -> None:
-    trial = trial_of("hospital", 2, Contestant("ins", "ins"))
-    row = drive_of(trial, answer(trial, recorded("hospital", 2)))
+    trial = MethodVariant("ins", "ins").trial("hospital", 2)
+    row = DriveResult.of(trial, run_trial(trial, simulate_recording("hospital", 2)))
     assert (row.scenario, row.seed, row.method, row.error) == ("hospital", 2, "ins", "")
     assert 0.0 < row.value("ate_rmse") < 0.06
     assert 0.0 <= row.seconds < 1.0
@@ -161,17 +156,20 @@ def test_a_simulation_that_fails_is_everybodys_error(monkeypatch: pytest.MonkeyP
         raise ValueError("no way out")
 
     monkeypatch.setattr(source, "simulated", breaks)
-    swept = sweep([trial_of("hospital", 2, one) for one in THREE], answer, None, prepare=recorded, workers=1)
-    rows = [drive_of(*failed) for failed in swept.failed]
+    swept = sweep(
+        [one.trial("hospital", 2) for one in THREE], run_trial, None, prepare=simulate_recording, workers=1
+    )
+    rows = [DriveResult.of(*failed) for failed in swept.failed]
     assert [row.method for row in rows] == ["ins", "wsm", "slamstitch"]
     assert {row.error for row in rows} == {"ValueError: no way out"}
 
 
 def test_what_a_contestant_is_counts_as_its_trial() -> None:
-    both = [trial_of("hospital", 2, one) for one in contestants(["slamstitch"], ["gnc", "none"], 0.5)]
+    both = [one.trial("hospital", 2) for one in method_variants(["slamstitch"], ["gnc", "none"], 0.5)]
     assert len({trial.key for trial in both}) == 4
-    again = Contestant(both[3].method, **both[3].config)
-    assert again.config(7) == contestants(["slamstitch"], ["none"], 0.5)[1].config(7)
+    again = MethodVariant(both[3].method, **both[3].config)
+    assert again.config() == method_variants(["slamstitch"], ["none"], 0.5)[1].config()
+    assert again.injected == 0.5
 
 
 @pytest.mark.parametrize("form", ["table", "json"])
@@ -179,7 +177,9 @@ def test_trials_that_fail_are_counted_and_the_others_go_on(
     quick: None, form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Four drives by two methods, one of which fails on seed 1."""
-    options = Options("hospital,outdoor", "2", "ins,icp", workers=1, format=form, out=tmp_path / "new")  # type: ignore[arg-type]
+    options = Options(
+        "hospital,outdoor", "2", methods="ins,icp", workers=1, format=form, out=tmp_path / "new"
+    )  # type: ignore[arg-type]
     with pytest.raises(SystemExit) as stop:
         run(options)
     assert stop.value.code == 1
@@ -215,10 +215,10 @@ def test_no_number_is_cut_short(capsys: pytest.CaptureFixture[str]) -> None:
     name = "slamstitch pcm_gnc +50%"
     rows = [drive("office_smoke", 100 + k, name, 1.234, map_f1=0.56, anees=1878.91) for k in range(2)]
     rows += [drive("two_drives", 107, name, 1.2, map_f1=0.5, stitches_accepted=120, stitches_false=108)]
-    pair = Comparison(
+    pair = PairedRatio(
         "office_smoke", name, "slamstitch pcm_gnc", 2, 1.0, (0.5, 2.0), 0.5, 46.57, "hospital 9"
     )
-    print_standings("title", standings(rows), [pair])
+    print_ranking("title", summarise(rows), [pair])
     printed = capsys.readouterr().out
     assert "…" not in printed
     for shown in ("1.234 (office_smoke 100)", "1.234 (100)", "1878.91", "108/120", "1.00 [0.50, 2.00]"):
@@ -228,7 +228,7 @@ def test_no_number_is_cut_short(capsys: pytest.CaptureFixture[str]) -> None:
 def test_without_a_failure_the_exit_is_quiet_and_again_nothing_is_run(
     quick: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    options = Options("hospital", "2,4", "ins", workers=1, out=tmp_path)
+    options = Options("hospital", "2,4", methods="ins", workers=1, out=tmp_path)
     run(options)
     printed = capsys.readouterr()
     assert "hospital" in printed.out
@@ -239,14 +239,6 @@ def test_without_a_failure_the_exit_is_quiet_and_again_nothing_is_run(
     assert again.out == printed.out
     assert "0 trials ran, 2 were answered before" in again.err
     assert (tmp_path / "results.csv").read_bytes() == results
-
-
-def test_seeds_are_a_count_a_range_or_a_list() -> None:
-    assert counted("3") == [0, 1, 2]
-    assert counted("3-5") == [3, 4, 5]
-    assert counted("7,9") == [7, 9]
-    with pytest.raises(InputError, match="at least one"):
-        counted("0")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.ablate.pairs import Pair
+from scenarios.ablate.pair_sampling import SubmapPair
 from sim.laser import Raycaster
 from slam import se2
 from slam.mapping.occupancy import draw
@@ -37,7 +37,7 @@ def submap(building: Raycaster, frame: Array, x: Array, rng: np.random.Generator
     return Submap(0, len(x), frame, Scan.merged(scans), draw(local, ranges, ANGLES, LASER, 0.05))
 
 
-def tiny_pair() -> Pair:
+def tiny_pair() -> SubmapPair:
     """Two drives that share half of it."""
     rng, building = np.random.default_rng(0), tiny_building()
     a, b = (
@@ -45,4 +45,4 @@ def tiny_pair() -> Pair:
         for frame, ends in zip(FRAMES, [(0.7, 7.0), (4.6, 10.5)], strict=True)
     )
     middle = se2.transform(se2.inverse(FRAMES[1]), np.array([[6.0, 2.0]]))[0]
-    return Pair("tiny", 200, "50 %", a, b, se2.between(*FRAMES), middle, 0.5, False, 4.0)
+    return SubmapPair("tiny", 200, "50 %", a, b, se2.between(*FRAMES), middle, 0.5, False, 4.0)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from scenarios.ablate.annotated import RESOLUTION, annotated_pairs, read_map, shared_walls
+from scenarios.ablate.annotated_maps import RESOLUTION, annotated_pairs, read_map, shared_walls
 from scenarios.ablate.study.halmstad import Options, run
 from slam import se2
 

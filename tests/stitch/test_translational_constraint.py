@@ -1,4 +1,4 @@
-"""How firmly shared walls hold two maps together; beside the drawn maps that it needs."""
+"""How well shared walls constrain a translation; beside the drawn maps that it needs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate.hold import hold
+from scenarios.ablate.translational_constraint import translational_constraint
 from slam.mapping.submap import Submap
 
 
@@ -22,14 +22,14 @@ def corridor(plan: dict[str, Any]) -> tuple[Submap, Submap]:
     return plan["see"](sides, poses, frame, rng), plan["see"](np.vstack([sides, end]), poses, frame, rng)
 
 
-def test_a_bare_corridor_holds_nothing_along_it(corridor: tuple[Submap, Submap]) -> None:
-    assert hold(corridor[0], corridor[0], np.zeros(3)) < 0.2
+def test_a_bare_corridor_constrains_nothing_along_it(corridor: tuple[Submap, Submap]) -> None:
+    assert translational_constraint(corridor[0], corridor[0], np.zeros(3)) < 0.2
 
 
-def test_an_end_wall_holds_by_its_length(corridor: tuple[Submap, Submap]) -> None:
+def test_an_end_wall_constrains_by_its_length(corridor: tuple[Submap, Submap]) -> None:
     """A wall that is seen with noise fills some cells twice."""
-    assert 1.5 < hold(corridor[1], corridor[1], np.zeros(3)) < 3.0
+    assert 1.5 < translational_constraint(corridor[1], corridor[1], np.zeros(3)) < 3.0
 
 
-def test_walls_that_do_not_meet_hold_nothing(corridor: tuple[Submap, Submap]) -> None:
-    assert hold(corridor[1], corridor[1], np.array([200.0, 0.0, 0.0])) == 0.0
+def test_walls_that_do_not_meet_constrain_nothing(corridor: tuple[Submap, Submap]) -> None:
+    assert translational_constraint(corridor[1], corridor[1], np.array([200.0, 0.0, 0.0])) == 0.0

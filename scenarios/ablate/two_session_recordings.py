@@ -1,8 +1,7 @@
-"""Two visits to one building: the second goes the other way, and furniture may have been moved."""
+"""Two recordings of one building: the second drive goes back, and furniture may have been moved."""
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from scenarios.ablate.random_streams import stream
 from scenarios.catalogue.building import start
 from sim.driver import resample
 from sim.floorplan import Prism
@@ -19,43 +19,42 @@ from slam import se2
 from slam.se2 import Array
 
 SHARE_MOVED = 0.5
-"""Of the pieces of furniture."""
+"""Share of the furniture that is moved."""
 LARGEST = 2.5
-"""What is larger [m] nobody moves."""
+"""Furniture larger than this [m] stays."""
 FARTHEST = 1.5
-"""A piece is moved by up to this [m]."""
+"""Largest displacement on each axis [m]."""
 CLEARANCE = 0.45
-"""Kept between a moved piece and the route [m]."""
+"""Least distance of moved furniture from the route [m]."""
 TRIES = 12
+"""Random places that are tried for a piece before it is removed."""
 
 
-def visits(scenario: Buildable, seed: int, moved: bool) -> tuple[SimulatedRun, SimulatedRun]:
+def record_two_sessions(scenario: Buildable, seed: int, moved: bool) -> tuple[SimulatedRun, SimulatedRun]:
     """A drive through a scenario, and one back along its route; between them half its furniture is ``moved``.
 
     The same arguments give the same bytes.
     """
-    rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode()), 2])
+    rng = stream(seed, scenario.name, "sessions")
     building, moving, *streams = rng.spawn(8)
     first = scenario.build(building)
-    prisms = (
-        rearranged(first.world.prisms, resample(first.waypoints), moving) if moved else first.world.prisms
-    )
+    prisms = rearrange(first.world.prisms, resample(first.waypoints), moving) if moved else first.world.prisms
     route = first.waypoints[::-1]
     second = replace(first, world=replace(first.world, prisms=prisms), waypoints=route, start=start(route))
-    return _visit(scenario.name, first, streams[:3]), _visit(scenario.name, second, streams[3:])
+    return _record(scenario.name, first, streams[:3]), _record(scenario.name, second, streams[3:])
 
 
-def _visit(name: str, setup: Setup, streams: Sequence[np.random.Generator]) -> SimulatedRun:
+def _record(name: str, setup: Setup, streams: Sequence[np.random.Generator]) -> SimulatedRun:
     driving, scanning, reckoning = streams
     return observe(name, setup, drive(setup, driving), scanning, reckoning)
 
 
-def rearranged(prisms: tuple[Prism, ...], route: Array, rng: np.random.Generator) -> tuple[Prism, ...]:
-    """The same building with a share of its pieces of furniture moved and turned, within their rooms.
+def rearrange(prisms: tuple[Prism, ...], route: Array, rng: np.random.Generator) -> tuple[Prism, ...]:
+    """The prisms with `SHARE_MOVED` of the furniture moved and turned, within its rooms.
 
-    ``route (P, 2)`` m stays clear. A piece that finds no other place is carried out.
+    ``route (P, 2)`` m stays clear. Furniture that finds no other place is removed.
     """
-    pieces = _pieces(prisms)
+    pieces = _furniture(prisms)
     outlines = [_outline(prism) for prism in prisms]
     new = list(prisms)
     gone: set[int] = set()
@@ -66,15 +65,15 @@ def rearranged(prisms: tuple[Prism, ...], route: Array, rng: np.random.Generator
         others = cKDTree(
             np.concatenate([o for k, o in enumerate(outlines) if k not in piece and k not in gone])
         )
-        found = _moved([prisms[k] for k in piece], others, cKDTree(route), rng)
-        for k, prism in zip(piece, found or [], strict=False):
+        placed = _place([prisms[k] for k in piece], others, cKDTree(route), rng)
+        for k, prism in zip(piece, placed or [], strict=False):
             new[k], outlines[k] = prism, _outline(prism)
-        gone.update([] if found else piece)
+        gone.update([] if placed else piece)
     return tuple(prism for k, prism in enumerate(new) if k not in gone)
 
 
-def _pieces(prisms: tuple[Prism, ...]) -> list[list[int]]:
-    """Prisms of furniture that touch, seen from above, are one piece."""
+def _furniture(prisms: tuple[Prism, ...]) -> list[list[int]]:
+    """Indices of the prisms of each piece of furniture: those whose boxes touch, seen from above."""
     rows = [k for k, prism in enumerate(prisms) if prism.kind == "furniture"]
     if not rows:
         return []
@@ -89,10 +88,10 @@ def _outline(prism: Prism) -> Array:
     return resample(np.vstack([prism.footprint, prism.footprint[:1]]), 0.1)
 
 
-def _moved(
+def _place(
     piece: Sequence[Prism], others: cKDTree, route: cKDTree, rng: np.random.Generator
 ) -> list[Prism] | None:
-    """The piece somewhere else in its room, or None where it finds no place."""
+    """The piece at another place of its room, None where no place is free."""
     centre = np.concatenate([prism.footprint for prism in piece]).mean(axis=0)
     for _ in range(TRIES):
         shift, turn = (

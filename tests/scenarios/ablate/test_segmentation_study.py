@@ -13,15 +13,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate.segmentation.cutting import LEAN, NEVER, TRUTH, called_lost, mapped, pieces_of, relaid
-from scenarios.ablate.segmentation.drive import Driven, Steps, driven, steps_of
-from scenarios.ablate.segmentation.findings import Findings, findings
-from scenarios.ablate.segmentation.learning import FEATURES, combined, fitted, thresholds
-from scenarios.ablate.segmentation.page import pictures, render
-from scenarios.ablate.segmentation.scores import Drive, correlations, decision, pooled, scored
-from scenarios.ablate.segmentation.statistics import Mean, comparisons, flipped, holm, mean, resamples
+from scenarios.ablate.segmentation.cutting import (
+    LEAN,
+    NEVER,
+    TRUTH,
+    map_with_cuts,
+    predict_failures,
+    segments_from,
+    splice_dead_reckoning,
+)
+from scenarios.ablate.segmentation.drive import LabelledDrive, Steps, label_drive, steps_of
+from scenarios.ablate.segmentation.findings import Findings, analyse
+from scenarios.ablate.segmentation.learning import FEATURES, combined, fit_combination, learn_thresholds
+from scenarios.ablate.segmentation.page import draw_pictures, render
+from scenarios.ablate.segmentation.scores import (
+    ScoredDrive,
+    correlations,
+    decision,
+    pooled_decision,
+    score_measure,
+)
 from scenarios.ablate.segmentation.table import results_csv
-from scenarios.ablate.segmentation.verdict import between, verdict
+from scenarios.ablate.segmentation.verdict import verdict
+from scenarios.ablate.statistics import Mean
 from scenarios.ablate.study import confidence, segmentation
 from scenarios.catalogue import CATALOGUE
 from scenarios.evaluation.segmentation import purity, true_errors
@@ -43,11 +57,11 @@ def track(poses: np.ndarray, reference: list[int], verdict: list[int]) -> Track:
 
 
 @pytest.fixture(scope="module")
-def drive(begun: Beginning) -> Driven:
+def drive(begun: Beginning) -> LabelledDrive:
     """The beginning of a drive through rubble, where ManifoldSLAM is soon lost."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(CATALOGUE, "collapsed", begun("collapsed", 78.0))
-        return driven("collapsed", 100)
+        return label_drive("collapsed", 100)
 
 
 # What is called lost
@@ -79,10 +93,10 @@ def test_purity_by_hand() -> None:
     assert purity([], poses, truth).kept == 0.0
 
 
-def test_only_what_is_lost_follows_dead_reckoning(drive: Driven) -> None:
-    lost = called_lost(drive, TRUTH)
+def test_only_what_is_lost_follows_dead_reckoning(drive: LabelledDrive) -> None:
+    lost = predict_failures(drive, TRUTH)
     assert 3 < lost.sum() < 150
-    new = relaid(drive.recording, drive.track, lost)
+    new = splice_dead_reckoning(drive.recording, drive.track, lost)
     old = drive.track
     for k in np.flatnonzero(~lost & (old.reference >= 0)):
         j = old.reference[k]
@@ -97,94 +111,40 @@ def test_only_what_is_lost_follows_dead_reckoning(drive: Driven) -> None:
     def worst(poses: np.ndarray) -> float:
         return float(np.linalg.norm((aligned(poses, truth) - truth)[:, :2], axis=1).max())
 
-    assert worst(new.poses) < 0.6 * worst(relaid(drive.recording, old, np.zeros(len(old), dtype=bool)).poses)
+    assert worst(new.poses) < 0.6 * worst(
+        splice_dead_reckoning(drive.recording, old, np.zeros(len(old), dtype=bool)).poses
+    )
 
 
-def test_without_a_cut_the_track_stays(drive: Driven) -> None:
-    lost = called_lost(drive, NEVER)
+def test_without_a_cut_the_track_stays(drive: LabelledDrive) -> None:
+    lost = predict_failures(drive, NEVER)
     assert not lost.any()
-    same = relaid(drive.recording, drive.track, lost)
+    same = splice_dead_reckoning(drive.recording, drive.track, lost)
     np.testing.assert_allclose(same.poses, drive.track.poses, atol=1e-9)
-    assert len(pieces_of(drive.track, lost)) == 1
+    assert len(segments_from(drive.track, lost)) == 1
     everything = np.ones(len(drive.track), dtype=bool)
-    poses = mapped(drive, everything, LEAN)  # no piece is left
+    poses = map_with_cuts(drive, everything, LEAN)  # no piece is left
     assert poses.shape == drive.track.poses.shape
 
 
 @pytest.mark.parametrize("name", sorted(MEASURES))
-def test_every_measure_can_be_scored_and_cut(drive: Driven, name: str) -> None:
+def test_every_measure_can_be_scored_and_cut(drive: LabelledDrive, name: str) -> None:
     steps = steps_of(drive.recording, drive.track)
-    scores = scored(steps, name)
+    scores = score_measure(steps, name)
     assert 0.0 <= scores["auc"] <= 1.0
     made = decision(steps, name)
     assert made is not None
-    called = called_lost(drive, name)[steps.scan]
+    called = predict_failures(drive, name)[steps.scan]
     assert (made.right, made.wrong) == (int(np.sum(called & steps.lost)), int(np.sum(called & ~steps.lost)))
 
 
-def test_steps_survive_a_file(drive: Driven) -> None:
+def test_steps_survive_a_file(drive: LabelledDrive) -> None:
     steps = steps_of(drive.recording, drive.track)
     again = Steps.from_bytes(steps.to_bytes())
     np.testing.assert_array_equal(again.error, steps.error)
     assert list(again.columns) == list(MEASURES)
     for name, column in steps.columns.items():
         np.testing.assert_array_equal(again.columns[name], column)
-
-
-# Statistics
-
-
-def test_holm_by_hand() -> None:
-    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-    assert holm([0.9, 0.8]) == [1.0, 1.0]
-    assert holm([]) == []
-
-
-def test_random_signs_by_hand() -> None:
-    rng = np.random.default_rng(0)
-    # Of eight signs of three equal differences two are as extreme.
-    assert flipped(np.array([1.0, 1.0, 1.0]), rng) == pytest.approx(0.25, abs=0.02)
-    assert flipped(np.array([1.0, -1.0]), rng) == pytest.approx(1.0)
-    assert flipped(np.array([NAN]), rng) == 1.0
-    assert flipped(np.full(30, 0.1), rng) < 1e-3
-
-
-def test_an_interval_has_the_size_that_theory_says() -> None:
-    rng = np.random.default_rng(1)
-    values = rng.normal(3.0, 1.0, 100)
-    values[:3] = NAN
-    found = mean(values, resamples(["a"] * 100, rng))
-    spread = np.nanstd(values) / np.sqrt(97)
-    assert found.n == 97
-    assert found.value == pytest.approx(np.nanmean(values))
-    assert found.low == pytest.approx(found.value - 1.96 * spread, abs=0.03)
-    assert found.high == pytest.approx(found.value + 1.96 * spread, abs=0.03)
-
-
-def test_every_scenario_is_drawn_by_itself() -> None:
-    drawn = resamples(["a", "b", "a", "b", "b"], np.random.default_rng(0))
-    assert set(np.unique(drawn[:, [0, 2]])) == {0, 2}
-    assert set(np.unique(drawn[:, [1, 3, 4]])) == {1, 3, 4}
-    alone = mean(np.array([1.0, 2.0]), resamples(["a", "b"], np.random.default_rng(0)))
-    assert np.isnan(alone.low)  # one drive of each: nothing to draw
-
-
-def test_alike_measures_are_seldom_told_apart_and_others_are() -> None:
-    rng = np.random.default_rng(2)
-    drawn = resamples(["a"] * 20, rng)
-    false = 0
-    for _ in range(8):
-        table = {name: rng.normal(size=20) for name in "abcd"}
-        false += any(one.significant for one in comparisons(table, drawn, rng))
-    assert false <= 2
-    base = rng.normal(size=20)
-    table = {"low": base, "high": base + 1.0 + 0.1 * rng.normal(size=20), "same": base + rng.normal(size=20)}
-    found = comparisons(table, drawn, rng)
-    assert [one.significant for one in found] == [True, False, True]
-    turned = between(found, "high", "low")
-    assert turned is not None
-    assert turned.difference.low > 0.9
-    assert between(found, "high", "nobody") is None
 
 
 # Learning
@@ -207,7 +167,7 @@ def made_steps(rng: np.random.Generator, n: int = 400, unmatched: int = 10) -> S
 def test_the_fit_finds_what_tells() -> None:
     rng = np.random.default_rng(3)
     examples = {"a": [made_steps(rng), made_steps(rng)], "b": [made_steps(rng)]}
-    weights, bias = fitted(examples)
+    weights, bias = fit_combination(examples)
     assert set(weights) == set(FEATURES)
     assert weights["innovation"] > 1.0
     assert weights["neg_match_share"] > 2.0
@@ -217,11 +177,11 @@ def test_the_fit_finds_what_tells() -> None:
     # The odds are honest: as many are lost as they say.
     chance = 1.0 / (1.0 + np.exp(-odds[10:]))
     assert chance.mean() == pytest.approx(examples["a"][0].lost[10:].mean(), abs=0.03)
-    learnt = thresholds(examples, weights, bias)
+    learnt = learn_thresholds(examples, weights, bias)
     assert learnt["zero_match"] == learnt["zero_run2"] == INF
     assert abs(learnt["combined"]) < 1.5  # a step that is as likely lost as not
     with pytest.raises(ValueError, match="one kind"):
-        fitted({"a": [replace(examples["b"][0], error=np.zeros(400))]})
+        fit_combination({"a": [replace(examples["b"][0], error=np.zeros(400))]})
 
 
 # What is said of it
@@ -240,15 +200,15 @@ def told() -> Findings:
                    "kept": 0.9, "pure": 0.0, "drift": 0.1, "seconds": 1.0}
             for name, factor in factors.items()
         }  # fmt: skip
-        made += [Drive(name, seed, made_steps(rng), cuts, 500, 1) for name in ("a", "b")]
-    return findings(made, ["trace2", "neg_matches", "combined"])
+        made += [ScoredDrive(name, seed, made_steps(rng), cuts, 500, 1) for name in ("a", "b")]
+    return analyse(made, ["trace2", "neg_matches", "combined"])
 
 
 def test_the_verdict_says_what_the_numbers_support(told: Findings) -> None:
     text = " ".join(verdict(told))
     assert text.startswith("combined finds lost steps best")
     assert "surely more than any other; neg_matches is next" in text
-    assert "beats the report's: trace2" in text
+    assert "beats Formsma's: trace2" in text
     assert "smaller than uncut by combined" in text
     assert "larger than uncut by trace2" in text
     assert "neg_matches (×" not in text  # alike
@@ -257,7 +217,7 @@ def test_the_verdict_says_what_the_numbers_support(told: Findings) -> None:
 
 
 def test_with_few_drives_the_verdict_claims_nothing(told: Findings) -> None:
-    few = findings(told.drives[:2], told.names)
+    few = analyse(told.drives[:2], told.names)
     text = " ".join(verdict(few))
     assert "cannot be told apart" in text
     assert "does not surely beat" in text
@@ -267,14 +227,14 @@ def test_with_few_drives_the_verdict_claims_nothing(told: Findings) -> None:
 
 def test_nothing_lost_is_nothing_said() -> None:
     quiet = replace(made_steps(np.random.default_rng(5)), error=np.zeros(400))
-    found = findings([Drive("a", 0, quiet, {}, 10, 0)], ["trace2", "combined"])
+    found = analyse([ScoredDrive("a", 0, quiet, {}, 10, 0)], ["trace2", "combined"])
     assert verdict(found)[0].startswith("No drive has both")
-    assert pooled(found.drives, "trace2") is not None
+    assert pooled_decision(found.drives, "trace2") is not None
 
 
 def test_measures_without_a_number_do_not_disturb_the_order(told: Findings) -> None:
     names = ["trace2", "zero_match", "combined", "zero_run2", "neg_matches", "tilt"]
-    found = findings(told.drives, names)
+    found = analyse(told.drives, names)
     ranked = found.ranked()
     assert ranked[:2] == ["combined", "neg_matches"]
     assert set(ranked) == {"combined", "neg_matches", "trace2", "tilt"}
@@ -302,7 +262,7 @@ def test_correlations_are_symmetric_and_one_with_themselves(told: Findings) -> N
 
 
 def test_the_page_stands_alone(told: Findings) -> None:
-    shown = pictures(told)
+    shown = draw_pictures(told)
     assert [one.name for one in shown] == ["precision_recall", "downstream", "correlation", "timeline"]
     page = render(told, verdict(told), shown, "python -m scenarios.ablate <segmentation>", "cheap", False)
     assert page.count("data:image/png;base64,") == 4
@@ -323,7 +283,7 @@ def test_results_have_a_row_for_every_drive_and_cutter(told: Findings) -> None:
 
 
 def test_the_comparison_is_the_same_whatever_the_order(told: Findings) -> None:
-    again = findings(told.drives, told.names)
+    again = analyse(told.drives, told.names)
     assert again.ranking == told.ranking
     assert again.line("combined").means["auc_matched"] == told.line("combined").means["auc_matched"]
     assert isinstance(again.line(TRUTH).means["log_ate"], Mean)

@@ -9,28 +9,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-import scenarios.ablate.harvesting
-from scenarios.ablate.examples import Examples, fit, fit_guided
-from scenarios.ablate.pairs import Harvest, Pair
+from scenarios.ablate import pair_sampling
+from scenarios.ablate.pair_sampling import PairSample, SubmapPair
+from scenarios.ablate.stitching_trials import LIMIT, draw_prior, is_right, pose_error
 from scenarios.ablate.study.likeness import Options, run
-from scenarios.ablate.trial import LIMIT, apart, drawn_prior, is_right
+from scenarios.ablate.training_set import CountedAlignments, fit_likelihood, fit_prior_offset
 from slam.cli import InputError
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
-from tests.scenarios.tiny_pair import tiny_pair
+from tests.scenarios.ablate.tiny_pair import tiny_pair
 
 
 @pytest.fixture(scope="module")
-def pair() -> Pair:
+def pair() -> SubmapPair:
     return tiny_pair()
 
 
 def examples(
     counts: Array, right: np.ndarray, unlikely: Array | None = None, gaps: Array | None = None
-) -> Examples:
+) -> CountedAlignments:
     """Without gaps and a prior, unless told."""
     gaps = np.zeros((len(right), 3)) if gaps is None else gaps
-    return Examples(counts, gaps, np.zeros(len(right)) if unlikely is None else unlikely, right)
+    return CountedAlignments(counts, gaps, np.zeros(len(right)) if unlikely is None else unlikely, right)
 
 
 def chances(odds: Array, rng: np.random.Generator) -> np.ndarray:
@@ -47,7 +47,7 @@ def test_known_weights_are_learnt() -> None:
     gaps, by_gaps = rng.poisson(9.0, (6000, 3)).astype(float), np.array([0.3, 0.0, -0.8])
     plain = np.sum(weights * np.sqrt(counts), axis=(1, 2, 3)) + np.sqrt(gaps) @ by_gaps
     bias = 0.7 - float(plain.mean())
-    found, found_gaps, constant = fit(examples(counts, chances(plain + bias, rng), gaps=gaps))
+    found, found_gaps, constant = fit_likelihood(examples(counts, chances(plain + bias, rng), gaps=gaps))
     np.testing.assert_allclose(found, weights, atol=0.2)
     np.testing.assert_allclose(found_gaps, by_gaps, atol=0.2)
     assert found[1, 2, 6] == pytest.approx(0.0, abs=1e-6)
@@ -57,10 +57,10 @@ def test_known_weights_are_learnt() -> None:
 
 
 def test_counts_that_tell_everything_do_not_run_away() -> None:
-    """Right and wrong apart by one count, and by a thousand points: weights stay finite and small."""
+    """Right and wrong pose_error by one count, and by a thousand points: weights stay finite and small."""
     counts = np.zeros((400, 2, 3, 7))
     counts[:200, 0, 0, 0], counts[200:, 0, 2, 6] = 90000.0, 90000.0
-    weights, _, bias = fit(examples(counts, np.arange(400) < 200))
+    weights, _, bias = fit_likelihood(examples(counts, np.arange(400) < 200))
     assert np.abs(weights).max() < 0.1
     assert weights[0, 0, 0] > 0.0 > weights[0, 2, 6]
     assert abs(bias) < 5.0
@@ -75,12 +75,12 @@ def test_what_a_prior_adds_is_learnt() -> None:
     bias = -float(odds.mean())
     right = chances(odds + bias - unlikely + 2.5, rng)
     known = examples(counts, right, unlikely)
-    assert fit_guided(known, weights, np.zeros(3), bias) == pytest.approx(2.5, abs=0.1)
+    assert fit_prior_offset(known, weights, np.zeros(3), bias) == pytest.approx(2.5, abs=0.1)
 
 
-def test_examples_of_a_pair_hold_the_truth(pair: Pair) -> None:
-    alone = Examples.of_pair(pair, None, AlignConfig())
-    told = Examples.of_pair(pair, drawn_prior(pair.T_a_b, np.random.default_rng(0)), AlignConfig())
+def test_examples_of_a_pair_hold_the_truth(pair: SubmapPair) -> None:
+    alone = CountedAlignments.of_pair(pair, None, AlignConfig())
+    told = CountedAlignments.of_pair(pair, draw_prior(pair.T_a_b, np.random.default_rng(0)), AlignConfig())
     for one in (alone, told):
         assert one.counts.shape == (len(one.right), 2, 3, 7)
         assert one.gaps.shape == (len(one.right), 3)
@@ -92,20 +92,19 @@ def test_examples_of_a_pair_hold_the_truth(pair: Pair) -> None:
     assert np.argmax(same_way) == np.argmax(alone.right)
 
 
-def test_together_in_their_order() -> None:
+def test_concatenated_in_their_order() -> None:
     first = examples(np.ones((1, 2, 3, 7)), np.array([True]), np.array([0.5]))
     second = examples(np.zeros((2, 2, 3, 7)), np.array([False, True]), np.array([1.5, 2.5]))
-    both = Examples.together([first, second])
+    both = CountedAlignments.concat([first, second])
     np.testing.assert_array_equal(both.right, [True, False, True])
     np.testing.assert_array_equal(both.unlikely, [0.5, 1.5, 2.5])
     assert both.counts[:, 0, 0, 0].tolist() == [1.0, 0.0, 0.0]
-    assert Examples.together([]).counts.shape == (0, 2, 3, 7)
 
 
 def test_packed_examples_come_back() -> None:
-    several = [examples(np.full((2, 2, 3, 7), 0.1), np.array([True, False])), Examples.together([])]
-    for one, other in zip(several, Examples.unpacked(Examples.packed(several), 2), strict=True):
-        for name in Examples.names():
+    several = [examples(np.full((2, 2, 3, 7), 0.1), np.array([True, False])), CountedAlignments.empty()]
+    for one, other in zip(several, CountedAlignments.unpack(CountedAlignments.pack(several)), strict=True):
+        for name in vars(one):
             before, after = getattr(one, name), getattr(other, name)
             np.testing.assert_array_equal(before, after)
             assert before.dtype == after.dtype
@@ -114,7 +113,7 @@ def test_packed_examples_come_back() -> None:
 def test_right_is_measured_where_the_maps_meet() -> None:
     turned = np.array([0.0, 0.0, np.radians(1.9)])
     near, far = np.array([5.0, 0.0]), np.array([12.0, 0.0])
-    assert apart(turned, np.zeros(3), near) == pytest.approx((10.0 * np.sin(turned[2] / 2.0), turned[2]))
+    assert pose_error(turned, np.zeros(3), near) == pytest.approx((10.0 * np.sin(turned[2] / 2.0), turned[2]))
     assert is_right(turned, np.zeros(3), near)
     assert not is_right(turned, np.zeros(3), far)
     assert not is_right(np.array([LIMIT[0] + 0.01, 0.0, 0.0]), np.zeros(3), near)
@@ -123,17 +122,17 @@ def test_right_is_measured_where_the_maps_meet() -> None:
 
 
 def test_the_table_is_that_of_the_code(
-    pair: Pair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    pair: SubmapPair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """One building of one pair, and one without any: what is printed can be pasted over its weights.
     Furniture is moved in both, besides the pairs in which it is not."""
     asked = []
 
-    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> Harvest:
+    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> PairSample:
         asked.append((scenario.name, seed, moved))
-        return Harvest((pair,) if seed == 200 and not moved else (), 2, 0)
+        return PairSample((pair,) if seed == 200 and not moved else (), 2, 0)
 
-    monkeypatch.setattr(scenarios.ablate.harvesting, "harvest", harvest)
+    monkeypatch.setattr(pair_sampling, "sample_pairs", harvest)
     run(Options(scenarios="beehive", seeds="200,201", workers=1, out=tmp_path))
     printed = capsys.readouterr()
     assert asked == [("beehive", 200, None), ("beehive", 200, True), ("beehive", 201, None)]
@@ -150,7 +149,7 @@ def test_the_table_is_that_of_the_code(
 
 
 def test_one_kind_of_alignments_teaches_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(scenarios.ablate.harvesting, "harvest", lambda *_, **__: Harvest((), 0, 0))
+    monkeypatch.setattr(pair_sampling, "sample_pairs", lambda *_, **__: PairSample((), 0, 0))
     with pytest.raises(InputError, match="right and wrong alignments"):
         run(Options(scenarios="beehive", seeds="200", workers=1, out=tmp_path))
 

@@ -10,27 +10,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-import scenarios.ablate.harvesting
-import scenarios.ablate.lessons
-from scenarios.ablate.harvesting import both_ways
-from scenarios.ablate.lessons import STRANGERS, Lessons, crossed, fit, lessons, strangers
-from scenarios.ablate.pairs import Harvest, Pair, is_moved
-from scenarios.ablate.study.belief import LENGTHS, Options, accepted_lines, packed, run, unpacked
+from scenarios.ablate import classifiers, pair_sampling
+from scenarios.ablate.classifiers import cross_validate, fit_network
+from scenarios.ablate.pair_sampling import (
+    STRANGERS,
+    PairSample,
+    SubmapPair,
+    furniture_is_moved,
+    negative_pairs,
+    training_pairs,
+)
+from scenarios.ablate.study.belief import LENGTHS, Options, accepted_lines, run
+from scenarios.ablate.training_set import Dataset, collect_samples
 from slam.cli import InputError
 from slam.se2 import Array
 from stitch.alignment.acceptance import Network
-from tests.scenarios.tiny_pair import tiny_pair
+from tests.scenarios.ablate.tiny_pair import tiny_pair
 
 
 @pytest.fixture(scope="module")
-def pair() -> Pair:
+def pair() -> SubmapPair:
     return tiny_pair()
-
-
-def given(features: Array, right: np.ndarray, building: np.ndarray | None = None) -> Lessons:
-    n = len(right)
-    building = np.arange(n) if building is None else building
-    return Lessons(features, right, np.ones(n, bool), np.zeros(n, bool), np.full(n, "50 %"), building)
 
 
 def test_what_no_straight_line_tells_apart_is_learnt() -> None:
@@ -38,7 +38,7 @@ def test_what_no_straight_line_tells_apart_is_learnt() -> None:
     rng = np.random.default_rng(0)
     features = rng.normal(size=(3000, 2))
     right = features[:, 0] * features[:, 1] > 0.0
-    network = fit(given(features, right), rng)
+    network = fit_network(features, right, rng)
     unseen = rng.normal(size=(2000, 2))
     unseen = unseen[np.abs(unseen).min(axis=1) > 0.2]
     assert np.mean((network.log_odds(unseen) > 0.0) == (unseen[:, 0] * unseen[:, 1] > 0.0)) > 0.97
@@ -47,7 +47,7 @@ def test_what_no_straight_line_tells_apart_is_learnt() -> None:
 def test_log_odds_are_as_sure_as_the_examples() -> None:
     """Of features that tell nothing, those of the share that is right."""
     rng = np.random.default_rng(0)
-    network = fit(given(rng.normal(size=(2000, 3)), np.arange(2000) % 4 == 0), rng)
+    network = fit_network(rng.normal(size=(2000, 3)), np.arange(2000) % 4 == 0, rng)
     assert float(np.median(network.log_odds(rng.normal(size=(500, 3))))) == pytest.approx(
         np.log(1.0 / 3.0), abs=0.25
     )
@@ -56,12 +56,12 @@ def test_log_odds_are_as_sure_as_the_examples() -> None:
 def test_no_building_is_judged_by_what_was_learnt_from_it(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     building = np.repeat(np.arange(200, 212), 5)
-    known = given(np.column_stack([building, building]).astype(float), np.arange(60) % 2 == 0, building)
+    features = np.column_stack([building, building]).astype(float)
     judged: list[set[int]] = []
 
     class Told:
-        def __init__(self, learnt_from: Lessons) -> None:
-            self.seen = set(learnt_from.building.tolist())
+        def __init__(self, learnt_from: Array) -> None:
+            self.seen = set(learnt_from[:, 0].astype(int).tolist())
 
         def log_odds(self, features: Array) -> Array:
             judged.append(set(features[:, 0].astype(int).tolist()))
@@ -69,56 +69,56 @@ def test_no_building_is_judged_by_what_was_learnt_from_it(monkeypatch: pytest.Mo
             assert len(judged[-1] | self.seen) == 12
             return np.zeros(len(features))
 
-    monkeypatch.setattr(scenarios.ablate.lessons, "fit", lambda some, _: Told(some))
-    assert np.all(crossed(known, rng) == 0.0)
+    monkeypatch.setattr(classifiers, "fit_network", lambda some, *_: Told(some))
+    assert np.all(cross_validate(features, np.arange(60) % 2 == 0, building, rng) == 0.0)
     assert set().union(*judged) == set(range(200, 212))
 
 
-def test_lessons_of_a_pair_hold_the_truth(pair: Pair) -> None:
-    alone = lessons([pair, *strangers([pair], [pair])], False, np.random.default_rng(0))
+def test_lessons_of_a_pair_hold_the_truth(pair: SubmapPair) -> None:
+    alone = collect_samples([pair, *negative_pairs([pair], [pair])], False, np.random.default_rng(0))
     assert alone.features.shape == (2, 39)
     assert alone.right.tolist() == [True, False]  # no map is of another building, whatever it looks like
     assert alone.bin.tolist() == ["50 %", STRANGERS]
     assert not alone.guided.any()
-    told = lessons([pair], True, np.random.default_rng(0))
+    told = collect_samples([pair], True, np.random.default_rng(0))
     assert told.guided.all()
     assert told.features[0, -1] == 1.0
-    assert lessons([], False, np.random.default_rng(0)).features.shape == (0, 39)
+    assert collect_samples([], False, np.random.default_rng(0)).features.shape == (0, 39)
 
 
-def test_packed_lessons_come_back(pair: Pair) -> None:
-    before = lessons([pair], False, np.random.default_rng(0))
-    for name, found in vars(unpacked(packed(before))).items():
+def test_packed_lessons_come_back(pair: SubmapPair) -> None:
+    before = collect_samples([pair], False, np.random.default_rng(0))
+    (again,) = Dataset.unpack(Dataset.pack([before]))
+    for name, found in vars(again).items():
         np.testing.assert_array_equal(found, getattr(before, name))
 
 
-def test_furniture_is_moved_in_every_building_once(monkeypatch: pytest.MonkeyPatch, pair: Pair) -> None:
+def test_furniture_is_moved_in_every_building_once(monkeypatch: pytest.MonkeyPatch, pair: SubmapPair) -> None:
     """Where the study moves it there is nothing to add."""
 
-    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> Harvest:
-        moved = is_moved(scenario.name, seed) if moved is None else moved
-        return Harvest((replace(pair, seed=seed, moved=moved),), 2, 0)
+    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> PairSample:
+        moved = furniture_is_moved(scenario.name, seed) if moved is None else moved
+        return PairSample((replace(pair, seed=seed, moved=moved),), 2, 0)
 
-    monkeypatch.setattr(scenarios.ablate.harvesting, "harvest", harvest)
+    monkeypatch.setattr(pair_sampling, "sample_pairs", harvest)
     seeds = range(200, 206)
-    assert sum(is_moved("beehive", seed) for seed in seeds) == 2
+    assert sum(furniture_is_moved("beehive", seed) for seed in seeds) == 2
     for seed in seeds:
-        usual, besides = both_ways("beehive", seed)
+        usual, besides = training_pairs("beehive", seed)
         assert [p.moved for p in (*usual, *besides)].count(True) == 1
-        assert len(besides) == (not is_moved("beehive", seed))
+        assert len(besides) == (not furniture_is_moved("beehive", seed))
 
 
 def test_the_command_writes_a_network(
-    pair: Pair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    pair: SubmapPair, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     asked = []
 
-    def both_ways(scenario: str, seed: int, length: tuple[float, float]) -> Any:
+    def training_pairs(scenario: str, seed: int, length: tuple[float, float]) -> Any:
         asked.append((scenario, seed, length))
         return (replace(pair, seed=seed),), ()
 
-    monkeypatch.setattr(scenarios.ablate.harvesting, "both_ways", both_ways)
-    monkeypatch.setattr(scenarios.ablate.lessons, "FOLDS", 2)
+    monkeypatch.setattr(pair_sampling, "training_pairs", training_pairs)
     written = tmp_path / "belief.npz"
     run(Options(scenarios="beehive", seeds="200,201", network=written, workers=1, out=tmp_path / "out"))
     printed = capsys.readouterr()
@@ -132,7 +132,7 @@ def test_the_command_writes_a_network(
 
 def test_accepted_are_those_believed_and_allowed() -> None:
     """Of four: right and believed, right and not allowed, wrong and believed, a stranger not believed."""
-    known = Lessons(
+    known = Dataset(
         np.zeros((4, 39)),
         np.array([True, True, False, False]),
         np.array([True, False, True, True]),

@@ -1,4 +1,4 @@
-"""Submaps as a front end hands them over: stretches of a drive, drawn where it believed the robot was."""
+"""Fragments of the map of a drive: submaps drawn at the poses that the front end estimated."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from slam.scan import scans_of
 from slam.se2 import Array
 
 LENGTH = (30.0, 60.0)
-"""Shortest and longest stretch [m], unless asked for others: submaps of about 30 × 20 m."""
+"""Shortest and longest distance driven for a fragment [m]: submaps of about 30 × 20 m."""
 PER_DRIVE = 14
-"""Stretches cut from a drive."""
+"""Fragments drawn from a drive."""
 LOST = SegmentationConfig(rule="zero_run", run=10)
-"""No stretch goes over this many scans in a row without a match."""
+"""A fragment does not span this many scans in a row without a match."""
 MOST_WARP = (0.15, np.radians(1.0))
-"""A stretch bent by more (m, rad) is left out: two that are may differ by as much as a stitch may be wrong
-by, and no answer need be right."""
+"""Largest deformation (m, rad) of a fragment that is kept: two that are bent more may differ by the tolerance
+of a correct alignment, and then no alignment is correct."""
 CELL = 0.2
-"""Side of the world's cells [m] in which overlap is counted."""
+"""Side of the world cells [m] in which overlap is counted."""
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A submap, and what only the simulator knows of it.
+class MapFragment:
+    """A submap with its ground truth.
 
-    ``known (n, 2)``: world cells of `CELL` m that its scans saw from their true poses; ``T_world_map
-    (K, 3)``: where its K drawn scans say that its frame lies, all equal were the submap not bent; ``middles
-    (K, 2)``: the middle of what each of them saw, in the world.
+    ``known (n, 2)``: indices of the world cells of `CELL` m that its scans saw from their true poses;
+    ``T_world_map (K, 3)``: the pose of its frame by each of its K scans, all equal where it is not bent;
+    ``middles (K, 2)`` m: centroid of each scan's points in the world.
     """
 
     submap: Submap
@@ -44,41 +44,43 @@ class Piece:
     middles: Array
 
 
-def pieces(
+def cut_fragments(
     recording: Recording, rng: np.random.Generator, length: tuple[float, float] = LENGTH
-) -> tuple[list[Piece], int]:
-    """Stretches of a drive as submaps, and how many are bent beyond `MOST_WARP` and left out.
+) -> tuple[list[MapFragment], int]:
+    """Random fragments of a drive, and how many were left out as bent beyond `MOST_WARP`.
 
-    ``length``: of the shortest and of the longest [m]. Raises ``ValueError`` for a recording without truth.
+    ``length``: distance driven for the shortest and the longest [m]. Raises ``ValueError``
+    for a recording without truth.
     """
     if recording.truth is None:
         raise ValueError(f"{recording.name}: expected a recording with truth")
     scans = scans_of(recording)
-    found = track(recording, scans=scans)
-    drawn = np.array([k for k in keyframes.choose(found.poses) if found.verdict[k] != Verdict.FELL_BACK])
+    tracked = track(recording, scans=scans)
+    drawn = np.array([k for k in keyframes.choose(tracked.poses) if tracked.verdict[k] != Verdict.FELL_BACK])
     kept, bent = [], 0
-    for start, stop in stretches(found, rng, length):
+    for start, stop in draw_spans(tracked, rng, length):
         rows = drawn[(drawn >= start) & (drawn < stop)]
         if len(rows) == 0:
             continue
-        T_map_robot = se2.between(found.poses[start], found.poses[rows])
+        T_map_robot = se2.between(tracked.poses[start], tracked.poses[rows])
         T_world_map = se2.compose(recording.truth[rows], se2.inverse(T_map_robot))
         if warp(T_world_map, recording.truth[rows, :2]) > 1.0:
             bent += 1
             continue
-        submap = cut(recording, scans, found.poses, start, stop, rows)
+        submap = cut(recording, scans, tracked.poses, start, stop, rows)
         middles = _middles(recording, rows)
-        kept.append(Piece(submap, _known(recording, rows), T_world_map, middles))
+        kept.append(MapFragment(submap, _known(recording, rows), T_world_map, middles))
     return kept, bent
 
 
-def stretches(found: Track, rng: np.random.Generator, length: tuple[float, float]) -> list[tuple[int, int]]:
-    """Scans ``start..stop-1`` of stretches of a random length [m] between two, none over where the robot got
-    lost."""
+def draw_spans(
+    tracked: Track, rng: np.random.Generator, length: tuple[float, float]
+) -> list[tuple[int, int]]:
+    """Scans ``start..stop-1`` of random spans of a ``length`` [m] between two, none across a lost stretch."""
     shortest, longest = length
     chosen = []
-    path = se2.path_length(found.poses)
-    whole = [s for s in segments(found, LOST) if path[s.stop - 1] - path[s.start] >= shortest]
+    path = se2.path_length(tracked.poses)
+    whole = [s for s in segments(tracked, LOST) if path[s.stop - 1] - path[s.start] >= shortest]
     if not whole:
         return []
     room = np.array([path[s.stop - 1] - path[s.start] - shortest for s in whole]) + 1.0
@@ -92,23 +94,17 @@ def stretches(found: Track, rng: np.random.Generator, length: tuple[float, float
 
 
 def warp(T_world_map: Array, places: Array) -> float:
-    """How far a submap is from rigid, in units of `MOST_WARP`: the worst of its scans."""
+    """Deformation of a submap in units of `MOST_WARP`: the largest deviation of ``T_world_map (K, 3)`` at the
+    ``places (K, 2)`` m of its scans from a rigid map."""
     drawn = se2.transform(se2.inverse(T_world_map), places[:, None])[:, 0]
-    rigid = best_rigid(drawn, places)
+    rigid = se2.fit_rigid(drawn, places)
     off = np.linalg.norm(se2.transform(rigid, drawn) - places, axis=1)
     turned = np.abs(se2.wrap(T_world_map[:, 2] - rigid[2]))
     return float(max(off.max() / MOST_WARP[0], turned.max() / MOST_WARP[1]))
 
 
-def best_rigid(points: Array, targets: Array) -> Array:
-    """The pose ``(3,)`` that brings points ``(n, 2)`` nearest to their targets (Umeyama 1991, no scale)."""
-    p, q = points - points.mean(axis=0), targets - targets.mean(axis=0)
-    yaw = float(np.arctan2(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]), np.sum(p * q)))
-    return np.array([*(targets.mean(axis=0) - se2.rotation(yaw) @ points.mean(axis=0)), yaw])
-
-
 def _known(recording: Recording, rows: np.ndarray) -> np.ndarray:
-    """World cells ``(n, 2)`` seen from the true poses of the scans ``rows``."""
+    """Indices ``(n, 2)`` of the world cells seen from the true poses of the scans ``rows``."""
     assert recording.truth is not None
     grid = occupancy.draw(
         recording.truth[rows], recording.ranges[rows], recording.angles, recording.laser, CELL
@@ -119,7 +115,7 @@ def _known(recording: Recording, rows: np.ndarray) -> np.ndarray:
 
 
 def _middles(recording: Recording, rows: np.ndarray) -> Array:
-    """Middle ``(K, 2)`` of what each scan hit, in the world; the robot itself where it hit nothing."""
+    """Centroid ``(K, 2)`` m of each scan's points in the world; the laser where there are none."""
     assert recording.truth is not None
     T_world_laser = se2.compose(recording.truth[rows], recording.laser.T_robot_laser)
     bearing = T_world_laser[:, 2:] + recording.angles

@@ -1,4 +1,4 @@
-"""Real maps whose pairs somebody annotated: pictures, keypoints, and which of them are the same."""
+"""Real maps as pictures, with annotated keypoints and their associations between maps."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from slam import se2
 from slam.cli import InputError
@@ -15,9 +16,9 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 
 RESOLUTION = 0.05
-"""Metres to a pixel of the maps, which do not tell."""
+"""Assumed metres to a pixel: the maps do not state it."""
 MOST_SCALE, MOST_RESIDUAL = 0.03, 16.0
-"""Pairs are scored whose fitted scale is this near 1 and whose keypoints then miss by less (pixels, rms)."""
+"""A pair is scored whose fitted scale differs from 1 by less and whose residual is less (pixels, rms)."""
 WALL, OPEN = 60, 200
 """Grey levels: at most that of a wall, at least that of free space; what lies between is unknown."""
 
@@ -46,7 +47,7 @@ def annotated_pairs(folder: Path) -> tuple[list[AnnotatedPair], int]:
     keypoints = {
         path.stem: _numbers(folder / f"keypoints_{path.stem}.npy") for path in sorted(folder.glob("*.png"))
     }
-    names = [name for name, found in keypoints.items() if found is not None and "layout" not in name]
+    names = [name for name, points in keypoints.items() if points is not None and "layout" not in name]
     pairs, annotated = [], 0
     for a, b in combinations(names, 2):
         same = _numbers(folder / f"association_{a}_{b}.npy")
@@ -54,7 +55,7 @@ def annotated_pairs(folder: Path) -> tuple[list[AnnotatedPair], int]:
             continue
         annotated += 1
         rows = same.astype(int)
-        pair = _fitted(a, b, keypoints[a][rows[:, 0]], keypoints[b][rows[:, 1]])  # type: ignore[index]
+        pair = _fit(a, b, keypoints[a][rows[:, 0]], keypoints[b][rows[:, 1]])  # type: ignore[index]
         if abs(pair.scale - 1.0) <= MOST_SCALE and pair.residual < MOST_RESIDUAL:
             pairs.append(pair)
     return pairs, annotated
@@ -65,21 +66,21 @@ def _numbers(path: Path) -> Array | None:
     if not path.is_file():
         return None
     try:
-        found = np.load(path, allow_pickle=False)
+        array = np.load(path, allow_pickle=False)
     except ValueError:
         return None
-    return found if found.ndim == 2 and found.shape[1] == 2 else None
+    return array if array.ndim == 2 and array.shape[1] == 2 else None
 
 
-def _fitted(a: str, b: str, pixels_a: Array, pixels_b: Array) -> AnnotatedPair:
-    """The similarity that brings b's keypoints to a's (Umeyama 1991); its scale is not part of ``T_a_b``."""
-    p, q = pixels_b - pixels_b.mean(axis=0), pixels_a - pixels_a.mean(axis=0)
-    cross, dot = np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]), np.sum(p * q)
-    yaw, scale = float(np.arctan2(cross, dot)), float(np.hypot(cross, dot) / np.sum(p * p))
-    residual = np.sqrt(np.mean(np.sum((q - scale * p @ se2.rotation(yaw).T) ** 2, axis=1)))
-    t = pixels_a.mean(axis=0) - se2.rotation(yaw) @ pixels_b.mean(axis=0)
-    middle = pixels_b.mean(axis=0) * RESOLUTION
-    return AnnotatedPair(a, b, np.array([*(t * RESOLUTION), yaw]), middle, scale, float(residual))
+def _fit(a: str, b: str, pixels_a: Array, pixels_b: Array) -> AnnotatedPair:
+    """The similarity that moves b's keypoints onto a's; its scale is not part of ``T_a_b``."""
+    T_a_b = se2.fit_rigid(pixels_b, pixels_a)
+    p = (pixels_b - pixels_b.mean(axis=0)) @ se2.rotation(T_a_b[2]).T
+    q = pixels_a - pixels_a.mean(axis=0)
+    scale = float(np.sum(p * q) / np.sum(p * p))
+    residual = float(np.sqrt(np.mean(np.sum((q - scale * p) ** 2, axis=1))))
+    T_a_b[:2] *= RESOLUTION
+    return AnnotatedPair(a, b, T_a_b, pixels_b.mean(axis=0) * RESOLUTION, scale, residual)
 
 
 def read_map(path: Path, resolution: float = RESOLUTION, walls_only: bool = False) -> Submap:
@@ -103,8 +104,6 @@ def read_map(path: Path, resolution: float = RESOLUTION, walls_only: bool = Fals
 
 def shared_walls(a: Submap, b: Submap, T_a_b: Array, reach: float) -> float:
     """Share of b's occupied cells that lie within ``reach`` m of one of a's once moved by ``T_a_b (3,)``."""
-    from scipy.spatial import cKDTree
-
     moved = se2.transform(T_a_b, b.grid.occupied_points())
     distance, _ = cKDTree(a.grid.occupied_points()).query(moved)
     return float(np.mean(distance <= reach))

@@ -1,0 +1,169 @@
+"""Alignments that are known to be right or wrong: what the likelihood and the acceptance are learnt from."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from scenarios.ablate.classifiers import fit_logistic
+from scenarios.ablate.pair_sampling import STRANGERS, SubmapPair
+from scenarios.ablate.stitching_trials import draw_prior, is_right
+from slam.se2 import Array
+from stitch.alignment.acceptance import features
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.joint import Candidate, Scene, shown, tops
+from stitch.alignment.likelihood import tally
+from stitch.alignment.raster import walls_of
+from stitch.alignment.refinement import prior_penalty
+from stitch.alignment.result import Prior
+
+SPREAD = 0.1
+"""Added to the standard deviation of a feature, so that rare ones are not given large weights."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A table whose columns are arrays with the same first dimension."""
+
+    @classmethod
+    def concat(cls, several: Iterable[Self]) -> Self:
+        """The rows of all; at least one is expected."""
+        several = list(several)
+        return cls(*(np.concatenate([getattr(part, f.name) for part in several]) for f in fields(cls)))
+
+    def subset(self, rows: np.ndarray) -> Self:
+        """Some of the rows, by number or mask."""
+        return type(self)(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @classmethod
+    def pack(cls, several: Sequence[Self]) -> bytes:
+        """Tables as one ``.npz``, to be read by `unpack`."""
+        buffer = io.BytesIO()
+        arrays = {f"{f.name}{k}": getattr(one, f.name) for k, one in enumerate(several) for f in fields(cls)}
+        np.savez_compressed(buffer, allow_pickle=False, **arrays)
+        return buffer.getvalue()
+
+    @classmethod
+    def unpack(cls, content: bytes) -> list[Self]:
+        """The tables that were packed."""
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            number = len(arrays.files) // len(fields(cls))
+            return [cls(*(arrays[f"{f.name}{k}"] for f in fields(cls))) for k in range(number)]
+
+
+@dataclass(frozen=True)
+class CountedAlignments(Columns):
+    """Every candidate of the search for some pairs, with its counts.
+
+    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.Tally`; ``unlikely (n,)``:
+    what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by the truth.
+    """
+
+    counts: Array
+    gaps: Array
+    unlikely: Array
+    right: np.ndarray
+
+    @classmethod
+    def of_pair(cls, pair: SubmapPair, prior: Prior | None, config: AlignConfig) -> Self:
+        """The candidates of a pair."""
+        result = _search(pair, prior, config)
+        if result is None:
+            return cls.empty()
+        scene, candidates = result
+        poses = [candidate.T_a_b for candidate in candidates]
+        tallies = [tally(scene.a, scene.b, T_a_b) for T_a_b in poses]
+        return cls(
+            np.array([one.counts for one in tallies]),
+            np.array([one.gaps for one in tallies]),
+            np.array([float(prior_penalty(prior, T_a_b, 1.0)) for T_a_b in poses]),
+            np.array([is_right(T_a_b, pair.T_a_b, pair.middle_b) for T_a_b in poses]),
+        )
+
+    @classmethod
+    def empty(cls) -> Self:
+        """No alignment."""
+        return cls(np.zeros((0, 2, 3, 7)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=bool))
+
+    @property
+    def features(self) -> Array:
+        """Square roots of all counts of each alignment ``(n, 45)``."""
+        return np.sqrt(np.concatenate([self.counts.reshape(len(self.right), 42), self.gaps], axis=1))
+
+
+@dataclass(frozen=True)
+class Dataset(Columns):
+    """The likeliest alignments of n pairs.
+
+    ``features (n, 39)`` of `stitch.alignment.acceptance.features`; ``right (n,)`` bool by the truth;
+    ``allowed (n,)`` bool: they pass the limits that do not depend on what is learnt; ``guided (n,)`` bool:
+    with a prior; ``bin (n,)`` names; ``building (n,)`` numbers.
+    """
+
+    features: Array
+    right: np.ndarray
+    allowed: np.ndarray
+    guided: np.ndarray
+    bin: np.ndarray
+    building: np.ndarray
+
+
+def _search(
+    pair: SubmapPair, prior: Prior | None, config: AlignConfig
+) -> tuple[Scene, list[Candidate]] | None:
+    """What the search is in, and its candidates; None where there are none."""
+    walls_a, walls_b = walls_of(pair.a, config.resolution), walls_of(pair.b, config.resolution)
+    if len(walls_a.points) == 0 or len(walls_b.points) == 0:
+        return None
+    scene = Scene.of(walls_a, walls_b, prior, config)
+    candidates = tops(scene, config)
+    return (scene, candidates) if candidates else None
+
+
+def collect_samples(pairs: Sequence[SubmapPair], guided: bool, rng: np.random.Generator) -> Dataset:
+    """The likeliest alignments of pairs, with priors drawn by ``rng`` where ``guided``; pairs for which the
+    search has no candidate are left out."""
+    config, rows = AlignConfig(), []
+    for pair in pairs:
+        prior = draw_prior(pair.T_a_b, rng) if guided else None
+        result = _search(pair, prior, config)
+        if result is None:
+            continue
+        scene, candidates = result
+        evidence, standing = shown(scene, candidates, config)
+        right = pair.bin != STRANGERS and is_right(candidates[0].T_a_b, pair.T_a_b, pair.middle_b)
+        limits = config.acceptance
+        allowed = (
+            evidence.overlap_area >= limits.min_overlap
+            and evidence.open_area >= limits.min_open
+            and standing.odds - standing.rival >= limits.min_lead
+            and standing.rivalry <= limits.max_rivalry
+        )
+        rows.append((features(evidence, standing), right, allowed, guided, pair.bin, pair.seed))
+    columns = list(zip(*rows, strict=True)) if rows else [np.zeros((0, 39)), *[()] * 5]
+    kinds = (np.float64, bool, bool, bool, np.str_, np.int64)
+    return Dataset(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
+
+
+def fit_likelihood(alignments: CountedAlignments) -> tuple[Array, Array, float]:
+    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of `stitch.alignment.likelihood.likeness`, from
+    alignments without a prior: a logistic regression on the features over their standard deviations."""
+    scale = alignments.features.std(axis=0) + SPREAD
+    weights, bias = fit_logistic(alignments.features / scale, alignments.right)
+    by_count, by_gap = np.split(weights / scale, [-3])
+    return by_count.reshape(2, 3, 7), by_gap, bias
+
+
+def fit_prior_offset(alignments: CountedAlignments, weights: Array, gaps: Array, bias: float) -> float:
+    """The constant that having a prior adds to the log-odds, from alignments with one."""
+    from scipy.optimize import minimize_scalar
+
+    odds = alignments.features @ np.concatenate([weights.ravel(), gaps]) + bias - alignments.unlikely
+    sign = np.where(alignments.right, 1.0, -1.0)
+    return float(
+        minimize_scalar(lambda shift: np.logaddexp(0.0, -sign * (odds + shift)).sum(), bounds=(-20, 20)).x
+    )
