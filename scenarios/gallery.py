@@ -51,6 +51,8 @@ def picture(name: str, seed: int) -> bytes:
 
     from PIL import Image
 
+    from scenarios.methods.baselines import wsm
+    from scenarios.methods.config import MethodConfig
     from scenarios.report.style import png
     from scenarios.report.world import thumbnail
     from sim.record import simulate

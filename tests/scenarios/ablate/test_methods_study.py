@@ -23,7 +23,7 @@ from scenarios.ablate.method_variants import (
 from scenarios.ablate.paired_comparison import EVERYWHERE, PairedRatio, compare_methods, summarise
 from scenarios.ablate.ranking_table import print_ranking
 from scenarios.ablate.study.methods import Options, checked, run
-from scenarios.methods import METHODS
+from scenarios.methods import METHODS, Method
 from scenarios.source import Source
 from scenarios.sweep import sweep
 from slam.cli import InputError
@@ -57,7 +57,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         return METHODS["ins"](recording, config)  # type: ignore[arg-type]
 
     monkeypatch.setattr(source, "simulated", drifting)
-    monkeypatch.setitem(METHODS, "icp", dies)
+    monkeypatch.setitem(METHODS, "icp", Method("icp", dies))
 
 
 ROWS = [
