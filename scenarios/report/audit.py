@@ -130,13 +130,13 @@ def audit(patches: Patches) -> Audit:
     )
 
 
-def to_text(found: Audit) -> str:
+def to_text(result: Audit) -> str:
     """An audit as tables and sentences."""
-    swapped, rule = found.labels_swapped, found.zero_rule
+    swapped, rule = result.labels_swapped, result.zero_rule
     about = ["These are not the patches whose correlations the thesis prints."]
     if swapped is not None:
         about = [
-            f"Made again with the {found.unmatched} patches without a match as zero variance, which turns "
+            f"Made again with the {result.unmatched} patches without a match as zero variance, which turns "
             "them into the most certain ones; as lost they are the least certain."
         ]
     if swapped:
@@ -144,22 +144,22 @@ def to_text(found: Audit) -> str:
     correlations = Table(
         ["rank correlation of", "printed", "made again", "as lost"],
         [
-            [pair, number(printed, 2), number(found.as_zero[pair]), number(found.as_lost[pair])]
+            [pair, number(printed, 2), number(result.as_zero[pair]), number(result.as_lost[pair])]
             for pair, printed in PRINTED.items()
         ],
         notes=["", *about],
     )
-    chance = ["chance", number(0.5), number(found.lost / found.steps), "", ""]
+    chance = ["chance", number(0.5), number(result.lost / result.steps), "", ""]
     scores = Table(
         ["measure", "AUC", "AP", "AUC, steps with a match", "AP, steps with a match"],
         [
             [name, *map(number, (score.auc, score.ap, score.auc_matched, score.ap_matched))]
-            for name, score in found.scores.items()
+            for name, score in result.scores.items()
         ]
         + [chance],
     )
     sentences = (
-        f"{found.lost} of {found.steps} steps between extending patches are off by more than 0.2 m or 5°.\n"
+        f"{result.lost} of {result.steps} steps between extending patches are off by more than 0.2 m or 5°.\n"
         f"Cutting where nothing matched finds {rule.right} of them (recall {rule.recall:.2f}, "
         f"precision {rule.precision:.2f})."
     )

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from scenarios.report.comparison import (
@@ -109,40 +108,21 @@ def render(results: Sequence[MethodResult], comparisons: Sequence[MetricComparis
     from markupsafe import Markup
 
     methods = list(dict.fromkeys(result.method for result in results))
+    address = partial(link, folder=folder)
     return environment().get_template("compare.html.j2").render(
         drives=len({(result.scenario, result.seed) for result in results}),
         scenarios=list(dict.fromkeys(result.scenario for result in results)),
         methods=methods,
         colours=colour_indices(methods),
-        metrics=[_metric(comparison, folder) for comparison in comparisons],
+        metrics=[(comparison, strip_plot(comparison, address)) for comparison in comparisons],
+        chosen=CHOSEN,
+        title=_title,
+        number=number,
+        link=address,
         note=NOTE,
         style=Markup(own_style()),
         script=Markup(theme_script()),
     )  # fmt: skip
-
-
-def _metric(comparison: MetricComparison, folder: Path) -> dict[str, Any]:
-    return {
-        "title": _title(comparison),
-        "definition": comparison.definition,
-        "open": comparison.name in CHOSEN,
-        "name": comparison.name,
-        "rows": [(scenario, [_cell(cell, folder) for cell in cells]) for scenario, cells in comparison.rows],
-        "strip": strip_plot(comparison, partial(link, folder=folder)),
-        "words": "; ".join(f"{scenario}: {method}" for scenario, method in comparison.best_methods),
-    }
-
-
-def _cell(cell: ComparisonCell, folder: Path) -> dict[str, Any]:
-    worst = cell.worst if len(cell.results) > 1 else None
-    linked = worst or next(iter(cell.results), None)
-    return {
-        "median": None if cell.median is None else number(cell.median),
-        "best": cell.best,
-        "worst": worst and number(worst[1]),
-        "seed": worst and worst[0].seed,
-        "link": linked and link(linked[0], folder),
-    }
 
 
 def link(result: MethodResult, folder: Path) -> str | None:

@@ -89,7 +89,7 @@ def draw_uncertainty(
     (thesis, figure A.1)."""
     from matplotlib.collections import PolyCollection
 
-    with_covariance = [(e, found) for e in estimates if (found := covariance_of(e)) is not None]
+    with_covariance = [(e, stated) for e in estimates if (stated := covariance_of(e)) is not None]
     paths, views, aspect = _paths(recording, [estimate for estimate, _ in with_covariance])
     figure, axes = panels(len(paths), aspect)
     for ax, (estimate, (covariance, of)), path, view in zip(axes, with_covariance, paths, views, strict=True):

@@ -51,7 +51,7 @@ def arrays_of(submap):
 @pytest.mark.parametrize("method", ["htms", "slamstitch", "slamstitch_online"])
 def test_submaps_are_read_back_as_they_were_in_memory(method, done, drive, tmp_path):
     estimate = METHODS[method](load(drive), MethodConfig())
-    assert len(estimate.submaps) > 1
+    assert len(estimate.submaps) >= 1
     folder = done.folder
     if method == "slamstitch_online":  # the run of the fixture is offline
         folder = tmp_path

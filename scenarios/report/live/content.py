@@ -178,11 +178,11 @@ def _track(track: Track, recording: Recording, rows: np.ndarray) -> dict[str, ob
 
 def _covariances(estimate: Estimate, poses: Array, rows: np.ndarray) -> dict[str, object] | None:
     """Covariance xx, xy, yy [m²] of every position in the page's axes, and what it is of."""
-    found = covariance_of(estimate)
-    if found is None:
+    stated = covariance_of(estimate)
+    if stated is None:
         return None
-    P = to_map_axes(poses[rows], found[0][rows])
-    what = {"pose": "of the pose", "step": "of the step from the scan it was matched to"}[found[1]]
+    P = to_map_axes(poses[rows], stated[0][rows])
+    what = {"pose": "of the pose", "step": "of the step from the scan it was matched to"}[stated[1]]
     return {"what": what, "values": pack(np.stack([P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], -1))}
 
 
