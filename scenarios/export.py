@@ -74,11 +74,11 @@ def write(recording: Recording, form: Format, path: Path) -> list[Path]:
         rosbag_writer.write(path, recording)
         return [path]
     (usarsim if form == "usarsim" else carmen).write(path, recording)
-    found = relations(recording) if form == "carmen" else None
-    if found is None:
+    known = relations(recording) if form == "carmen" else None
+    if known is None:
         return [path]
     beside = path.with_suffix(".relations")
-    relations_file.write(beside, found)
+    relations_file.write(beside, known)
     return [path, beside]
 
 

@@ -54,11 +54,11 @@ def picture(name: str, seed: int) -> bytes:
     from scenarios.methods.baselines import wsm
     from scenarios.methods.config import MethodConfig
     from scenarios.report.style import png
-    from scenarios.report.world import thumbnail
+    from scenarios.report.world_figures import draw_thumbnail
     from sim.record import simulate
 
     simulated = simulate(CATALOGUE[name], seed)
-    figure = thumbnail(simulated, wsm(simulated.recording, MethodConfig()))
+    figure = draw_thumbnail(simulated, wsm(simulated.recording, MethodConfig()))
     small = io.BytesIO()
     Image.open(io.BytesIO(png(figure, DPI))).convert("RGB").quantize(COLOURS).save(
         small, "PNG", optimize=True

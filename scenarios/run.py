@@ -22,7 +22,7 @@ from slam.cli import POSE, InputError, Pose, main
 if TYPE_CHECKING:
     from scenarios.evaluation import Metric
     from scenarios.methods.config import MethodConfig
-    from scenarios.run_folder import Run
+    from scenarios.run_folder.run import Run
     from scenarios.source import Source
     from scenarios.stages import Stages
     from slam.recording import Recording
@@ -96,11 +96,13 @@ def run(options: Options) -> None:
 
     from rich.console import Console
 
-    from scenarios import run_folder
     from scenarios.evaluation import evaluate
+    from scenarios.report.page import write_report
+    from scenarios.run_folder import directory
+    from scenarios.run_folder.write import write_run
     from scenarios.stages import Stages
 
-    run_folder.check(options.out, name)
+    directory.check(options.out, name)
     config, stages = configure(options), Stages(Console(stderr=True))
     source = obtain(options, config, stages)
     answers = estimate(source.recording, methods, config, stages)
@@ -109,10 +111,11 @@ def run(options: Options) -> None:
         metrics = evaluate(source.recording, [*answers, *source.published])
         metrics += costs(answers, source.recording, stages)
     result = described(options, config, source, estimates, metrics)
-    with run_folder.prepare(options.out, name) as folder:
+    with directory.prepare(options.out, name) as folder:
         with stages.stage("report"):
-            run_folder.write(folder, result, stages.costs)
-        run_folder.publish(folder, {**result.environment, "stages": stages.costs})
+            write_run(folder.temporary, result)
+            write_report(folder.temporary, result, stages.costs)
+        directory.publish(folder, {**result.environment, "stages": stages.costs})
     show(result, options.format, folder.final)
     if options.view:
         view.run([folder.final], None)
@@ -266,7 +269,7 @@ def described(
 ) -> Run:
     """The run with what it takes to make it again: the command line, every parameter, and the versions."""
     from scenarios.environment import environment
-    from scenarios.run_folder import Run
+    from scenarios.run_folder.run import Run
 
     asked = {
         "command": shlex.join(["python", "-m", COMMAND, *sys.argv[1:]]),
@@ -279,16 +282,14 @@ def described(
 
 def show(result: Run, form: str, folder: Path) -> None:
     """The results on stdout."""
-    from scenarios.report.table import print_table, tabulate
-    from scenarios.run_folder.metrics import metrics_json
+    from scenarios.report.metrics_table import tabulate
 
     if form == "json":
-        print(metrics_json(result))
+        print(result.metrics_json())
         return
     recording = result.recording
-    print_table(
-        tabulate(result.metrics), f"{recording.name}: {len(recording)} scans, {recording.distance:.0f} m"
-    )
+    title = f"{recording.name}: {len(recording)} scans, {recording.distance:.0f} m"
+    tabulate(result.metrics).to_table(title).print()
     print(folder / "report.html")
 
 

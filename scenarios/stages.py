@@ -18,7 +18,7 @@ PROCESS = Path("/proc/self")
 
 @dataclass(frozen=True)
 class Cost:
-    """Wall time [s] and peak resident memory [MB] of a stage; None where the system does not tell."""
+    """Wall time [s] and peak resident memory [MB] of a stage; None where the system does not measure it."""
 
     wall_s: float
     peak_mb: float | None
@@ -34,7 +34,7 @@ class Stages:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Announce a stage, and note its cost when it ends well."""
-        _forget_peak()
+        _reset_peak()
         started = time.perf_counter()
         with self.console.status(f"{name} …"):
             yield
@@ -42,8 +42,8 @@ class Stages:
         self.console.print(f"{name:<12} {self.costs[name].wall_s:6.1f} s", style="dim", highlight=False)
 
 
-def _forget_peak() -> None:
-    """Let Linux count the peak of resident memory anew; where it cannot, the peak is the process's."""
+def _reset_peak() -> None:
+    """Reset the kernel's peak of resident memory; where it cannot be, the peak is that of the process."""
     reset = PROCESS / "clear_refs"
     if reset.exists():
         try:
@@ -56,5 +56,5 @@ def _peak_mb() -> float | None:
     status = PROCESS / "status"
     if not status.exists():
         return None
-    found = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
-    return int(found[1]) / 1024.0 if found else None
+    peak = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
+    return int(peak[1]) / 1024.0 if peak else None

@@ -35,12 +35,12 @@ def last_squared_error(poses: Array, covariance: Array | None, truth: Array) -> 
     if covariance is None:
         return float("nan")
     ends = [0, -1]
-    found = squared_errors(poses[ends], covariance[ends], truth[ends])
-    return float(found[0]) if len(found) else float("nan")
+    nees = squared_errors(poses[ends], covariance[ends], truth[ends])
+    return float(nees[0]) if len(nees) else float("nan")
 
 
 def band(runs: int, probability: float = 0.95) -> tuple[float, float]:
-    """Between what an honest covariance's average over ``runs`` independent errors squared, / 3, lies.
+    """Interval that holds the average of ``runs`` independent squared errors, / 3, of an honest covariance.
 
     χ² with ``3 runs`` degrees of freedom (Bar-Shalom, Li & Kirubarajan 2001, §5.4). Raises ``ValueError`` for
     no runs.

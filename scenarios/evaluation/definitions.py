@@ -17,15 +17,21 @@ class Definition:
 
 
 _ALIGNED = "A bent map: the alignment spreads an error made at one place over the whole drive."
+_MEDIAN = "The worse half of the drive."
 _TAIL = "Where the error happened, and how most of the drive fared: one bad place rules it."
+_ANCHORED = "How good the map is apart from its first heading: a small yaw error there grows with distance."
 _LOCAL = (
     "Whether the map closes: errors beyond the window do not count, nor do windows where the robot stood."
 )
 _RELATION = "Walls and free space; a relation is judged by poses carried between scans by dead reckoning."
 _CLEAR = "The same, and the relations it leaves out: those come from stretches where the log is densest."
 _MAP = "Which way the map is bent, what no beam ever hit, and walls drawn twice within a cell."
+_CHANCE = "Chance: poses of one drive share their errors, so only many drives make a test of it."
+_CUTS = "Whether the cuts are where the errors are."
 _STITCH = "Good stitches that were never tried; a stitch is judged at the first scans of its two segments."
+_JUMP = "How far a pose that was given early jumped when a loop closed later."
 _LATENCY = "How long a scan waits for those before it when these take longer than the next one needs to come."
+_MEMORY = "What was already in memory before the method began."
 _COST = "Other programs running on the same machine, and compilation on a first run."
 
 
@@ -56,15 +62,10 @@ def _rpe_definitions() -> dict[str, Definition]:
 
 DEFINITIONS: dict[str, Definition] = {
     "ate_rmse": Definition("m", "lower", "position error after SE(2) alignment, RMSE", _ALIGNED),
-    "ate_median": Definition(
-        "m", "lower", "position error after SE(2) alignment, median", "The worse half of the drive."
-    ),
+    "ate_median": Definition("m", "lower", "position error after SE(2) alignment, median", _MEDIAN),
     "ate_max": Definition("m", "lower", "position error after SE(2) alignment, largest", _TAIL),
     "ate_rmse_anchored": Definition(
-        "m",
-        "lower",
-        "position error in the frame of the first pose, RMSE",
-        "How good the map is apart from its first heading: a small yaw error there grows with distance.",
+        "m", "lower", "position error in the frame of the first pose, RMSE", _ANCHORED
     ),
     "yaw_rmse": Definition("deg", "lower", "heading error after the same alignment, RMSE", _ALIGNED),
     **_rpe_definitions(),
@@ -72,15 +73,8 @@ DEFINITIONS: dict[str, Definition] = {
     "map_f1": Definition("", "higher", "occupied cells against the true map's, one cell of tolerance", _MAP),
     "map_iou": Definition("", "higher", "overlap of the occupied cells, both widened by a cell", _MAP),
     "map_chamfer": Definition("m", "lower", "mean distance between the walls of both maps, both ways", _MAP),
-    "anees": Definition(
-        "",
-        None,
-        "squared error over its stated covariance, / 3; 1 is honest",
-        "Chance: poses of one drive share their errors, so only many drives make a test of it.",
-    ),
-    "segments": Definition(
-        "", None, "pieces the drive was cut into", "Whether the cuts are where the errors are."
-    ),
+    "anees": Definition("", None, "squared error over its stated covariance, / 3; 1 is honest", _CHANCE),
+    "segments": Definition("", None, "pieces the drive was cut into", _CUTS),
     "stitches_tried": Definition("", None, "pairs of pieces that were tried", _STITCH),
     "stitches_accepted": Definition("", None, "stitches the final map rests on", _STITCH),
     "stitches_false": Definition("", "lower", "accepted and off by more than 0.3 m or 2°", _STITCH),
@@ -88,15 +82,13 @@ DEFINITIONS: dict[str, Definition] = {
         "m",
         "lower",
         "position error after SE(2) alignment of each pose as given when its scan arrived, RMSE",
-        "How far a pose that was given early jumped when a loop closed later.",
+        _JUMP,
     ),
     "latency_median": Definition("ms", "lower", "from a scan's arrival to its pose, median", _LATENCY),
     "latency_p99": Definition("ms", "lower", "from a scan's arrival to its pose, 99th percentile", _LATENCY),
     "latency_max": Definition("ms", "lower", "from a scan's arrival to its pose, longest", _LATENCY),
     "wall_s": Definition("s", "lower", "wall time", _COST),
     "scans_per_s": Definition("1/s", "higher", "scans per second of wall time", _COST),
-    "peak_mb": Definition(
-        "MB", "lower", "peak memory", "What was already in memory before the method began."
-    ),
+    "peak_mb": Definition("MB", "lower", "peak memory", _MEMORY),
 }
 """Metric name -> definition, in the order of the table."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import rankdata
+from scipy.stats import rankdata, spearmanr
 
 from slam.se2 import Array
 
@@ -75,7 +75,7 @@ def average_precision(scores: Array, lost: np.ndarray) -> float:
     """Precision averaged over recall, Σ (R_k − R_{k−1}) P_k over distinct scores; NaN where no step is lost.
 
     A measure that knows nothing has the base rate. Equal scores are one threshold, as in scikit-learn: broken
-    by the order of the steps, the ties of the report's ten failed matches alone would make its trace 0.824
+    by the order of the steps, the ties of the thesis' ten failed matches alone would make its trace 0.824
     instead of 0.855.
     """
     if not np.any(lost):
@@ -86,10 +86,10 @@ def average_precision(scores: Array, lost: np.ndarray) -> float:
 
 def spearman(a: Array, b: Array) -> float:
     """Rank correlation of ``(n,)`` and ``(n,)``, mid-ranks for ties; NaN where one is constant."""
-    ranks_a, ranks_b = rankdata(_checked_scores(a)), rankdata(_checked_scores(b))
-    if np.ptp(ranks_a) == 0.0 or np.ptp(ranks_b) == 0.0:
+    a, b = _checked_scores(a), _checked_scores(b)
+    if np.all(a == a[0]) or np.all(b == b[0]):
         return float("nan")
-    return float(np.corrcoef(ranks_a, ranks_b)[0, 1])
+    return float(spearmanr(a, b).statistic)
 
 
 def best_threshold(scores: Array, lost: np.ndarray, weights: Array) -> float:

@@ -30,7 +30,7 @@ CLEAR = tuple(f"relation_clear_{part}" for part in PARTS)
 
 
 @dataclass(frozen=True)
-class Pairs:
+class RelativePoses:
     """Relative poses ``T_12 (K, 3)`` between ``rows (K, 2)`` of a list of poses.
 
     ``clear (K,)`` is True where it is beyond doubt which rows are meant.
@@ -41,7 +41,7 @@ class Pairs:
     clear: np.ndarray
 
 
-def relations_from_truth(truth: Array) -> Pairs:
+def relations_from_truth(truth: Array) -> RelativePoses:
     """Relations between scans from ``truth (N, 3)``: all consecutive ones, and revisits of places.
 
     A revisit is a pair within 1 m after more than 10 m of driving; of these every k-th is kept, so that there
@@ -54,10 +54,12 @@ def relations_from_truth(truth: Array) -> Pairs:
     near = near[travelled[near[:, 1]] - travelled[near[:, 0]] > REVISIT_PATH]
     near = near[np.lexsort((near[:, 1], near[:, 0]))]
     rows = np.concatenate([steps, near[:: -(-len(near) // n) or 1]])
-    return Pairs(rows, se2.between(truth[rows[:, 0]], truth[rows[:, 1]]), np.ones(len(rows), dtype=bool))
+    return RelativePoses(
+        rows, se2.between(truth[rows[:, 0]], truth[rows[:, 1]]), np.ones(len(rows), dtype=bool)
+    )
 
 
-def relations_from_stamps(relations: Relations, odometry: Odometry) -> Pairs:
+def relations_from_stamps(relations: Relations, odometry: Odometry) -> RelativePoses:
     """Relations between rows of the full-rate ``odometry``, each stamp meaning the record nearest in time.
 
     Records are compared in the order of their stamps; of records with equal stamps before the relation's the
@@ -71,15 +73,15 @@ def relations_from_stamps(relations: Relations, odometry: Odometry) -> Pairs:
     after = np.minimum(after, len(time) - 1)
     earlier_is_nearer = np.abs(relations.stamps - time[before]) <= np.abs(time[after] - relations.stamps)
     nearest = np.where(earlier_is_nearer, before, after)
-    found = np.all(np.abs(time[nearest] - relations.stamps) <= STAMP_TOLERANCE, axis=1)
-    if not np.any(found):
+    known = np.all(np.abs(time[nearest] - relations.stamps) <= STAMP_TOLERANCE, axis=1)
+    if not np.any(known):
         raise ValueError(
-            f"none of the {len(found)} relations has both stamps within {STAMP_TOLERANCE} s of the odometry"
+            f"none of the {len(known)} relations has both stamps within {STAMP_TOLERANCE} s of the odometry"
         )
     first = np.searchsorted(time, relations.stamps - CLEAR_WINDOW, side="left")
     last = np.searchsorted(time, relations.stamps + CLEAR_WINDOW, side="right")
     clear = np.all(last - first <= 1, axis=1)
-    return Pairs(order[nearest[found]], relations.T_12[found], clear[found])
+    return RelativePoses(order[nearest[known]], relations.T_12[known], clear[known])
 
 
 def carry(poses: Array, odometry: Odometry) -> Array:
@@ -108,7 +110,7 @@ def _turned(poses: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.abs(se2.wrap(np.diff(poses[:, 2]))))])
 
 
-def relation_pairs(recording: Recording) -> Pairs | None:
+def relation_pairs(recording: Recording) -> RelativePoses | None:
     """The relations to score a recording's methods against: its file's, else its truth's, else None."""
     if recording.relations is not None:
         return relations_from_stamps(recording.relations, _odometry(recording))
@@ -117,7 +119,9 @@ def relation_pairs(recording: Recording) -> Pairs | None:
     return None
 
 
-def relation_metrics(method: str, poses: Array, recording: Recording, pairs: Pairs | None) -> list[Metric]:
+def relation_metrics(
+    method: str, poses: Array, recording: Recording, pairs: RelativePoses | None
+) -> list[Metric]:
     """Mean and standard deviation of the errors of ``poses (N, 3)`` over all and over the clear relations.
 
     Relations of a file are between poses of the laser: they were made by aligning its scans by hand

@@ -15,20 +15,23 @@ from slam.recording import Recording
 from slam.se2 import Array
 
 
-def step_errors(track: Track, truth: Array) -> Array:
-    """Error ``(N,)`` of each accepted step from the scan it was estimated against, in units of
-    `slam.odometry.confidence.FAILURE`: above 1 it is lost. NaN where there is no step."""
+def step_deviations(track: Track, truth: Array | None) -> Array:
+    """How far each step of a track, from its reference scan, is from the true step: ``(N, 3)`` m, m, rad in
+    the body frame, NaN where there is no reference or no ``truth (N, 3)``."""
+    if truth is None:
+        return np.full(track.poses.shape, np.nan)
     step = se2.between(track.poses[track.reference], track.poses)
-    errors = step_error(se2.between(se2.between(truth[track.reference], truth), step))
-    errors[track.reference < 0] = np.nan
-    return errors
+    deviations = se2.between(se2.between(truth[track.reference], truth), step)
+    deviations[track.reference < 0] = np.nan
+    return deviations
 
 
 def true_errors(track: Track, recording: Recording) -> Array:
-    """`step_errors` of a recording. Raises ``ValueError`` where it has no truth."""
+    """Error ``(N,)`` of each step in units of `slam.odometry.confidence.FAILURE`: above 1 it is lost; NaN
+    where there is no step. Raises ``ValueError`` where the recording has no truth."""
     if recording.truth is None:
         raise ValueError(f"{recording.name}: expected a recording with truth")
-    return step_errors(track, recording.truth)
+    return step_error(step_deviations(track, recording.truth))
 
 
 @dataclass(frozen=True)

@@ -31,16 +31,16 @@ class StitchError:
         return self.translation > FALSE_TRANSLATION or self.rotation > FALSE_ROTATION
 
 
-def stitch_error(estimate: Estimate, tried: LoopCandidate, truth: Array) -> StitchError | None:
+def stitch_error(estimate: Estimate, stitch: LoopCandidate, truth: Array) -> StitchError | None:
     """The error of a tried stitch against ``truth (N, 3)``; None where no alignment was found.
 
     A submap's frame is the robot's pose at its first scan, so the true alignment is that between the true
     poses there.
     """
-    if not isinstance(tried.result, Stitch):
+    if not isinstance(stitch.result, Stitch):
         return None
-    a, b = estimate.submaps[tried.a].start, estimate.submaps[tried.b].start
-    error = se2.between(se2.between(truth[a], truth[b]), tried.result.T_a_b)
+    a, b = estimate.submaps[stitch.a].start, estimate.submaps[stitch.b].start
+    error = se2.between(se2.between(truth[a], truth[b]), stitch.result.T_a_b)
     return StitchError(float(np.hypot(error[0], error[1])), float(abs(error[2])))
 
 
@@ -48,11 +48,11 @@ def stitch_metrics(estimate: Estimate, truth: Array | None) -> list[Metric]:
     """Counts of segments and of stitches tried, accepted and false."""
     if not estimate.submaps:
         return missing(estimate.method, NAMES, "the method does not cut the drive")
-    accepted = [tried for tried in estimate.stitches if tried.accepted]
+    accepted = [stitch for stitch in estimate.stitches if stitch.accepted]
     counts = (len(estimate.submaps), len(estimate.stitches), len(accepted))
     metrics = measured(estimate.method, dict(zip(NAMES[:3], counts, strict=True)))
     if truth is None:
         return metrics + missing(estimate.method, NAMES[3:], "the recording has no truth")
-    errors = [stitch_error(estimate, tried, truth) for tried in accepted]
+    errors = [stitch_error(estimate, stitch, truth) for stitch in accepted]
     false = sum(error.false for error in errors if error is not None)
     return metrics + measured(estimate.method, {NAMES[3]: false})

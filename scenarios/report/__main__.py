@@ -13,61 +13,57 @@ from tyro.conf import Positional, arg
 from slam.cli import InputError, main, nearest
 
 COMMAND = "scenarios.report"
-PICTURES = {
-    "chapter3": "the worked examples of the report's third chapter, a folder of pictures",
-    "corridor": "what a corridor leaves unknown, a picture",
-}
-"""Name -> what it shows. The module of that name here has ``run(out: Path) -> Path``: write, say where."""
-
-OF_FOLDERS = {
-    "audit": "the report's own logs scored against the truth in them: audit FOLDER",
-    "album": "the figures of runs as PNG and PDF, one for every stitch too: album RUN …",
-    "view": "a run in Rerun: view RUN, or into a file with -o",
-}
-"""Name -> what it shows. The module of that name here has ``run(folders, out) -> str``, words to print."""
+PICTURES = {"chapter3": "chapter3", "corridor": "corridor"}
+"""Name -> the module here whose ``run(out: Path) -> Path`` draws pictures and returns where they are: the
+worked examples of the thesis' third chapter; what a corridor leaves unknown."""
+OF_FOLDERS = {"audit": "audit", "album": "figures", "view": "view"}
+"""Name -> the module here whose ``run(folders, out) -> str`` returns text to print: the logs of the thesis
+scored against the truth in them; the figures of runs, with one for every stitch; a run in Rerun."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Compare runs: RUN … -o compare.html, printed as a table too. Or draw one of the reports."""
+    """Compare runs: RUN … -o compare.html, printed as a table too. Or name what to draw or print."""
 
     what: Positional[
         Annotated[
             tuple[str, ...], arg(metavar=f"RUN …|{'|'.join([*PICTURES, *OF_FOLDERS])}", help_behavior_hint="")
         ]
     ] = ()
-    """Folders of runs or sweeps to compare, or which report, with the folders it is about."""
+    """Folders of runs or sweeps to compare, or a name, with the folders it is about."""
     out: Annotated[Path | None, arg(aliases=("-o",), metavar="PATH", help_behavior_hint="")] = None
-    """Where to write it: a folder, or a file where the report is one."""
+    """Where to write it: a folder, or a file where the result is one."""
     format: Literal["table", "markdown", "latex", "json"] = "table"
     """How a comparison is printed."""
 
 
 def run(options: Options) -> None:
-    """Write the report and print where it is."""
+    """Write what is asked for and print its text. Raises `InputError`."""
     try:
-        words = written(options)
+        text = write(options)
     except OSError as error:
         raise InputError(f"--out {options.out}: cannot be written: {error.strerror}") from error
-    print(words)
+    print(text)
 
 
-def written(options: Options) -> str:
-    """What the report asked for has to say. Raises `InputError`."""
+def write(options: Options) -> str:
+    """Write what is asked for; returns its text. Raises `InputError`, and ``OSError`` for a place that cannot
+    be written."""
     name, *rest = options.what or ("",)
     if name in PICTURES:
         if options.out is None:
             raise InputError(f"-o: expected where to write {name}")
         if rest:
             raise InputError(f"{name}: unexpected argument {rest[0]!r}")
-        return str(import_module(f"scenarios.report.{name}").run(options.out))
+        return str(import_module(f"scenarios.report.{PICTURES[name]}").run(options.out))
     if name in OF_FOLDERS:
         if not rest:
             raise InputError(f"{name}: expected the folder of a run")
-        return str(import_module(f"scenarios.report.{name}").run([Path(word) for word in rest], options.out))
+        module = import_module(f"scenarios.report.{OF_FOLDERS[name]}")
+        return str(module.run([Path(word) for word in rest], options.out))
     if not options.what:
         raise InputError(f"expected folders of runs, or one of {', '.join([*PICTURES, *OF_FOLDERS])}")
-    folders = [Path(word) for word in options.what if not word.endswith(".html")]  # runs/* has old pages too
+    folders = [Path(word) for word in options.what if not word.endswith(".html")]  # runs/* may have pages
     for folder in folders:
         if not folder.is_dir():
             raise InputError(

@@ -1,6 +1,6 @@
-"""The report's own logs: its correlations made again, and its measures scored against the truth in them.
+"""The logs of the thesis: its correlations made again, and its measures scored against the truth in them.
 
-The report (Formsma 2012) correlates trace, determinant and number of matches over all patches of its
+The thesis (Formsma 2012) correlates trace, determinant and number of matches over all patches of its
 Experiment 1. Its covariances are the 2×2 position block in mm², of which it takes magnitudes.
 """
 
@@ -18,10 +18,11 @@ from slam import se2
 from slam.cli import InputError
 from slam.odometry.confidence import step_error
 from slam.se2 import Array
+from slam.table import Table, number
 
 FILE = "wsm_patches.json"
 PRINTED = {"trace and det": 0.85, "matches and det": -0.50, "matches and trace": -0.48}
-"""Rank correlations as the report prints them."""
+"""Rank correlations as the thesis prints them."""
 MEASURES = ("trace", "det", "matches")
 
 
@@ -63,10 +64,21 @@ class Audit:
     zero_rule: Decision
     scores: dict[str, Score]
 
+    @property
+    def labels_swapped(self) -> bool | None:
+        """Whether the two printed correlations of the matches fit each other's labels better than their own;
+        None where this is not the log that was printed."""
+        trace_det, *own = [abs(self.as_zero[pair] - value) for pair, value in PRINTED.items()]
+        swapped = abs(self.as_zero["matches and det"] - PRINTED["matches and trace"])
+        swapped += abs(self.as_zero["matches and trace"] - PRINTED["matches and det"])
+        if trace_det > 0.01 or min(sum(own), swapped) > 0.01:
+            return None
+        return swapped < sum(own)
+
 
 def run(folders: Sequence[Path], out: Path | None) -> str:
-    """The audit of each folder's log in words; into the file ``out`` as well. Raises `InputError`."""
-    text = "\n\n".join(told(folder, audit(read(folder / FILE))) for folder in folders)
+    """The audit of each folder's log as text; into the file ``out`` as well. Raises `InputError`."""
+    text = "\n\n".join(f"{folder}\n{to_text(audit(read(folder / FILE)))}" for folder in folders)
     if out is not None:
         out.write_text(text + "\n", encoding="utf-8")
     return text
@@ -75,7 +87,7 @@ def run(folders: Sequence[Path], out: Path | None) -> str:
 def read(path: Path) -> Patches:
     """Published patches; the file is a list without its brackets. Raises `InputError`."""
     if not path.is_file():
-        raise InputError(f"{path}: no such file, expected the patches that the report published")
+        raise InputError(f"{path}: no such file, expected the patches that the thesis published")
     try:
         records = json.loads("[" + path.read_text(encoding="utf-8").strip().rstrip(",") + "]")
         return Patches(
@@ -92,9 +104,12 @@ def read(path: Path) -> Patches:
 
 
 def audit(patches: Patches) -> Audit:
-    """The report's numbers made again, and what the truth says. Raises `InputError` where no step is lost."""
+    """The numbers of the thesis made again, and what the truth says.
+
+    Raises `InputError` where no step or every step is lost.
+    """
     failed = np.isnan(patches.covariance[:, 0, 0]) | (patches.matches == 0)
-    bad = _badness(patches, failed)
+    badness = _badness(patches, failed)
     steps = np.flatnonzero(patches.extends)
     before, after = steps[:-1], steps[1:]
     error = se2.between(
@@ -105,67 +120,54 @@ def audit(patches: Patches) -> Audit:
     if not lost.any() or lost.all():
         raise InputError(f"{lost.sum()} of {len(lost)} steps are lost: nothing to tell apart")
     return Audit(
-        as_zero=_correlations({name: np.where(failed, 0.0, values) for name, values in bad.items()}),
-        as_lost=_correlations({**bad, "matches": np.where(failed, 0.0, bad["matches"])}),
+        as_zero=_correlations({name: np.where(failed, 0.0, values) for name, values in badness.items()}),
+        as_lost=_correlations({**badness, "matches": np.where(failed, 0.0, badness["matches"])}),
         unmatched=int(failed.sum()),
         steps=len(lost),
         lost=int(lost.sum()),
         zero_rule=decided(zero, lost),
-        scores={name: _score(values[after], zero, lost) for name, values in bad.items()},
+        scores={name: _score(values[after], zero, lost) for name, values in badness.items()},
     )
 
 
-def told(folder: Path, found: Audit) -> str:
-    """An audit as text."""
-    rows = [f"{folder}", "", f"{'rank correlation of':<20}{'printed':>9}{'made again':>12}{'as lost':>9}"]
-    for pair, printed in PRINTED.items():
-        rows.append(f"{pair:<20}{printed:>9.2f}{found.as_zero[pair]:>12.3f}{found.as_lost[pair]:>9.3f}")
-    rows += ["", *_about(found), ""]
-    rows.append(
-        f"{found.lost} of {found.steps} steps between extending patches are off by more than 0.2 m or 5°."
+def to_text(result: Audit) -> str:
+    """An audit as tables and sentences."""
+    swapped, rule = result.labels_swapped, result.zero_rule
+    about = ["These are not the patches whose correlations the thesis prints."]
+    if swapped is not None:
+        about = [
+            f"Made again with the {result.unmatched} patches without a match as zero variance, which turns "
+            "them into the most certain ones; as lost they are the least certain."
+        ]
+    if swapped:
+        about.insert(0, "The last two printed numbers fit when interchanged: the thesis swaps their labels.")
+    correlations = Table(
+        ["rank correlation of", "printed", "made again", "as lost"],
+        [
+            [pair, number(printed, 2), number(result.as_zero[pair]), number(result.as_lost[pair])]
+            for pair, printed in PRINTED.items()
+        ],
+        notes=["", *about],
     )
-    rule = found.zero_rule
-    rows.append(
+    chance = ["chance", number(0.5), number(result.lost / result.steps), "", ""]
+    scores = Table(
+        ["measure", "AUC", "AP", "AUC, steps with a match", "AP, steps with a match"],
+        [
+            [name, *map(number, (score.auc, score.ap, score.auc_matched, score.ap_matched))]
+            for name, score in result.scores.items()
+        ]
+        + [chance],
+    )
+    sentences = (
+        f"{result.lost} of {result.steps} steps between extending patches are off by more than 0.2 m or 5°.\n"
         f"Cutting where nothing matched finds {rule.right} of them (recall {rule.recall:.2f}, "
         f"precision {rule.precision:.2f})."
     )
-    rows += ["", f"{'measure':<10}{'AUC':>7}{'AP':>7}   of steps with a match: {'AUC':>6}{'AP':>7}"]
-    for name, score in found.scores.items():
-        rows.append(
-            f"{name:<10}{score.auc:>7.3f}{score.ap:>7.3f}{'':26}{score.auc_matched:>6.3f}{score.ap_matched:>7.3f}"
-        )
-    rows.append(f"{'chance':<10}{0.5:>7.3f}{found.lost / found.steps:>7.3f}")
-    return "\n".join(rows)
-
-
-def interchanged(found: Audit) -> bool | None:
-    """Whether the two printed correlations of the matches fit each other's labels better than their own; None
-    where this is not the log that was printed."""
-    own = [abs(found.as_zero[pair] - value) for pair, value in PRINTED.items()]
-    swapped = abs(found.as_zero["matches and det"] - PRINTED["matches and trace"])
-    swapped += abs(found.as_zero["matches and trace"] - PRINTED["matches and det"])
-    if own[0] > 0.01 or min(own[1] + own[2], swapped) > 0.01:
-        return None
-    return swapped < own[1] + own[2]
-
-
-def _about(found: Audit) -> list[str]:
-    fits = interchanged(found)
-    if fits is None:
-        return ["These are not the patches whose correlations the report prints."]
-    lines = []
-    if fits:
-        lines.append("The last two printed numbers fit when interchanged: the report swaps their labels.")
-    lines.append(
-        f"Made again with the {found.unmatched} patches without a match as zero variance, which turns them "
-        "into the most certain ones; as lost they are the least certain."
-    )
-    return lines
+    return "\n\n".join([correlations.console(), sentences, scores.console()])
 
 
 def _badness(patches: Patches, failed: np.ndarray) -> dict[str, Array]:
-    """The three measures ``(N,)``, larger = worse but for the number of matches' sign; +inf where nothing
-    matched."""
+    """The three measures ``(N,)``, larger = worse; +inf where nothing matched."""
     P = patches.covariance
     values = (
         np.abs(P[:, 0, 0] + P[:, 1, 1]),
@@ -175,14 +177,10 @@ def _badness(patches: Patches, failed: np.ndarray) -> dict[str, Array]:
     return {name: np.where(failed, np.inf, value) for name, value in zip(MEASURES, values, strict=True)}
 
 
-def _correlations(bad: dict[str, Array]) -> dict[str, float]:
+def _correlations(badness: dict[str, Array]) -> dict[str, float]:
     """Rank correlations of the three, of the matches themselves rather than of their lack."""
-    matches = -bad["matches"]
-    return {
-        "trace and det": spearman(bad["trace"], bad["det"]),
-        "matches and det": spearman(matches, bad["det"]),
-        "matches and trace": spearman(matches, bad["trace"]),
-    }
+    columns = {**badness, "matches": -badness["matches"]}
+    return {pair: spearman(*(columns[name] for name in pair.split(" and "))) for pair in PRINTED}
 
 
 def _score(values: Array, zero: np.ndarray, lost: np.ndarray) -> Score:

@@ -1,4 +1,4 @@
-"""The worked examples of the report's third chapter (Formsma), drawn from shapes of our own."""
+"""The worked examples of the thesis' third chapter (Formsma 2012), drawn from shapes of our own."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarios.report import shapes
-from scenarios.report.style import BLACK, BLUE, FONT, GREY, VERMILLION, WIDTH, png
+from scenarios.report.style import FONT, WIDTH, png
 from slam import se2
+from slam.colours import BLACK, BLUE, GREY, VERMILLION
 from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.config import AlignConfig
@@ -58,36 +59,30 @@ def hexagons() -> Figure:
 def rotation() -> Figure:
     """Figure 3.4: lines, the same turned by 90°, and the cross-correlation of their spectra."""
     points = shapes.points_on(shapes.lines())
-    spectrum, of_turned = (_spectrum(p) for p in (points, shapes.turned(points, np.pi / 2)))
+    spectrum, of_turned = (_spectrum(p) for p in (points, shapes.rotate(points, np.pi / 2)))
     figure, axes = _panels(3, 1, 6.0)
     _curve(axes[0], spectrum, "Hough spectrum of the lines")
     _curve(axes[1], of_turned, "of the lines turned by 90°")
-    _curve(
-        axes[2], cross_correlation(of_turned, spectrum), "cross-correlation: how far the lines were turned"
-    )
-    axes[2].set_xlabel("angle [°]", fontsize=FONT["label"])
+    correlation = cross_correlation(of_turned, spectrum)
+    _curve(axes[2], correlation, "cross-correlation: how far the lines were turned", x="angle [°]")
     return figure
 
 
 def profiles() -> Figure:
     """Figures 3.5 and 3.6: X and Y spectra of a map along its walls, and of the same map turned by 20°."""
-    points = shapes.drawn(shapes.points_on(shapes.rooms())).grid.occupied_points()
+    points = shapes.rasterise_points(shapes.points_on(shapes.rooms())).grid.occupied_points()
     figure = _figure(5.0)
     parts = figure.subfigures(1, 2, squeeze=False).ravel()
     for part, (yaw, title) in zip(parts, ((0.0, "along its walls"), (20.0, "turned by 20°")), strict=True):
         axes = part.subplots(2, 2, width_ratios=[1, 3], height_ratios=[3, 1])
-        turned = shapes.turned(points, np.radians(yaw))
+        turned = shapes.rotate(points, np.radians(yaw))
         _map(axes[0, 1], turned, title)
         (x, along_x), (y, along_y) = (_profile(turned[:, axis]) for axis in (0, 1))
         axes[0, 0].plot(along_y, y, color=BLUE, linewidth=0.9)
-        axes[0, 0].set_ylabel("y [m]", fontsize=FONT["label"])
-        axes[0, 0].set_xlabel("Y spectrum [cells]", fontsize=FONT["label"])
+        _label(axes[0, 0], x="Y spectrum [cells]", y="y [m]")
         axes[1, 1].plot(x, along_x, color=BLUE, linewidth=0.9)
-        axes[1, 1].set_xlabel("x [m]", fontsize=FONT["label"])
-        axes[1, 1].set_ylabel("X spectrum", fontsize=FONT["label"])
+        _label(axes[1, 1], x="x [m]", y="X spectrum")
         axes[1, 0].remove()
-        for ax in (axes[0, 0], axes[1, 1]):
-            ax.tick_params(labelsize=FONT["tick"])
     return figure
 
 
@@ -101,31 +96,29 @@ def cutout() -> Figure:
     _map(right, maps.walls_b, "a cut-out in its own frame", VERMILLION)
     spectrum_a, spectrum_b = maps.spectra(DIRECTIONS, split=False)
     axes = below.subplots(1, 3)
-    _curve(axes[0], spectrum_a, "spectrum of the map")
-    _curve(axes[1], spectrum_b, "of the cut-out", VERMILLION)
     correlation = cross_correlation(spectrum_a, spectrum_b)
-    _curve(axes[2], correlation, "cross-correlation", BLACK)
+    _curve(axes[0], spectrum_a, "spectrum of the map", x="angle [°]")
+    _curve(axes[1], spectrum_b, "of the cut-out", VERMILLION, "angle [°]")
+    _curve(axes[2], correlation, "cross-correlation", BLACK, "angle [°]")
     axes[2].set_ylim(0.0, 1.15 * correlation.max())
-    for name, found in zip(("θ₁", "θ₂"), four_hypotheses(maps)[::2], strict=True):
-        degrees = float(np.degrees(found.T_a_b[2])) % 180.0
+    for name, hypothesis in zip(("θ₁", "θ₂"), four_hypotheses(maps)[::2], strict=True):
+        degrees = float(np.degrees(hypothesis.T_a_b[2])) % 180.0
         height = correlation[round(degrees * DIRECTIONS / 180.0)]
         axes[2].annotate(
             f"{name} = {degrees:.0f}°", (degrees, height), (0, 4), textcoords="offset points",
             ha="right" if degrees > 150.0 else "center",
             fontsize=FONT["tick"], color=VERMILLION,
         )  # fmt: skip
-    for ax in axes:
-        ax.set_xlabel("angle [°]", fontsize=FONT["label"])
     return figure
 
 
 def translation() -> Figure:
     """Figures 3.9 and 3.10: map and cut-out turned by the right hypothesis, X and Y spectra, correlations."""
     maps = example()
-    right = min(four_hypotheses(maps), key=lambda found: distance_from_truth(found)[0])
+    right = min(four_hypotheses(maps), key=lambda hypothesis: distance_from_truth(hypothesis)[0])
     direction = dominant_direction(maps.spectra(DIRECTIONS, split=False)[0])
-    turned_a = shapes.turned(maps.walls_a, -direction)
-    turned_b = shapes.turned(maps.walls_b, float(right.T_a_b[2]) - direction)
+    turned_a = shapes.rotate(maps.walls_a, -direction)
+    turned_b = shapes.rotate(maps.walls_b, float(right.T_a_b[2]) - direction)
     figure = _figure(8.5)
     above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 1.4]).ravel()
     axes = above.subplots(1, 2)
@@ -140,11 +133,9 @@ def translation() -> Figure:
         best = shifts[np.argmax(correlation)]
         grid[2, axis].plot(shifts, correlation, color=BLACK, linewidth=0.9)
         grid[2, axis].axvline(best, color=VERMILLION, linestyle=":", linewidth=1.0)
-        for ax in grid[:, axis]:
-            ax.tick_params(labelsize=FONT["tick"])
-        grid[0, axis].set_title(f"{name} spectra", fontsize=FONT["title"], loc="left")
-        grid[2, axis].set_title(f"their correlation: {best:.2f} m", fontsize=FONT["title"], loc="left")
-        grid[2, axis].set_xlabel("shift of the cut-out [m]", fontsize=FONT["label"])
+        _label(grid[0, axis], f"{name} spectra")
+        _label(grid[1, axis])
+        _label(grid[2, axis], f"their correlation: {best:.2f} m", "shift of the cut-out [m]")
     return figure
 
 
@@ -153,12 +144,12 @@ def hypotheses() -> Figure:
     maps = example()
     figure, axes = _panels(2, 2, 8.0)
     names = ("θ₁", "θ₁ + 180°", "θ₂", "θ₂ + 180°")
-    for ax, name, found in zip(axes, names, four_hypotheses(maps), strict=True):
-        x, y, yaw = found.T_a_b
-        metres, degrees = distance_from_truth(found)
+    for ax, name, hypothesis in zip(axes, names, four_hypotheses(maps), strict=True):
+        x, y, yaw = hypothesis.T_a_b
+        metres, degrees = distance_from_truth(hypothesis)
         verdict = "right" if metres < 0.1 and degrees < 1.0 else f"{metres:.1f} m and {degrees:.0f}° off"
         _map(ax, maps.walls_a, f"{name} = {np.degrees(yaw):.0f}°, t = ({x:.2f}, {y:.2f}) m: {verdict}")
-        moved = se2.transform(found.T_a_b, maps.walls_b)
+        moved = se2.transform(hypothesis.T_a_b, maps.walls_b)
         ax.scatter(moved[:, 0], moved[:, 1], s=2.5, color=VERMILLION, linewidths=0)
     return figure
 
@@ -177,14 +168,14 @@ def example() -> Pair:
 
 
 def transform(points: Array) -> hough.Hough:
-    """The report's Hough transform of points ``(n, 2)`` m, once drawn on a grid."""
-    walls = shapes.drawn(points).grid.occupied_points()
+    """The thesis' Hough transform of points ``(n, 2)`` m, once drawn on a grid."""
+    walls = shapes.rasterise_points(points).grid.occupied_points()
     return hough.transform(walls, DIRECTIONS, CONFIG.resolution, split=False)
 
 
-def distance_from_truth(found: Alternative) -> tuple[float, float]:
+def distance_from_truth(hypothesis: Alternative) -> tuple[float, float]:
     """How far a pose of the cut-out is from the true one: m, degrees."""
-    error = se2.between(shapes.T_MAP_CUTOUT, found.T_a_b)
+    error = se2.between(shapes.T_MAP_CUTOUT, hypothesis.T_a_b)
     return float(np.hypot(error[0], error[1])), float(np.degrees(abs(error[2])))
 
 
@@ -192,8 +183,7 @@ def _with_spectrum(points: Array, title: str) -> Figure:
     figure, axes = _panels(1, 3, 3.6)
     _map(axes[0], points, title)
     _transform(axes[1], points, "Hough transform")
-    _curve(axes[2], _spectrum(points), "Hough spectrum")
-    axes[2].set_xlabel("angle of the normal [°]", fontsize=FONT["label"])
+    _curve(axes[2], _spectrum(points), "Hough spectrum", x="angle of the normal [°]")
     return figure
 
 
@@ -220,25 +210,21 @@ def _panels(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]
 def _map(ax: Axes, points: Array, title: str, colour: str = BLUE) -> None:
     ax.scatter(points[:, 0], points[:, 1], s=2.5, color=colour, linewidths=0)
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_title(title, fontsize=FONT["title"], loc="left")
-    ax.tick_params(labelsize=FONT["tick"])
+    _label(ax, title)
 
 
 def _transform(ax: Axes, points: Array, title: str) -> None:
     """Votes, brightened so that the curves of single points show."""
-    found = transform(points)
-    top = found.first + found.resolution * found.votes.shape[1]
+    votes = transform(points)
+    top = votes.first + votes.resolution * votes.votes.shape[1]
     ax.imshow(
-        np.sqrt(found.votes.T), origin="lower", aspect="auto", cmap="magma", interpolation="nearest",
-        extent=(0.0, 180.0, found.first, top),
+        np.sqrt(votes.votes.T), origin="lower", aspect="auto", cmap="magma", interpolation="nearest",
+        extent=(0.0, 180.0, votes.first, top),
     )  # fmt: skip
-    ax.set_title(title, fontsize=FONT["title"], loc="left")
-    ax.set_xlabel("angle of the normal [°]", fontsize=FONT["label"])
-    ax.set_ylabel("distance from the origin ρ [m]", fontsize=FONT["label"])
-    ax.tick_params(labelsize=FONT["tick"])
+    _label(ax, title, "angle of the normal [°]", "distance from the origin ρ [m]")
 
 
-def _curve(ax: Axes, values: Array, title: str, colour: str = BLUE) -> None:
+def _curve(ax: Axes, values: Array, title: str, colour: str = BLUE, x: str = "") -> None:
     """A circular signal over half a turn; its end is its beginning."""
     ax.plot(
         np.linspace(0.0, 180.0, len(values) + 1), np.append(values, values[0]), color=colour, linewidth=0.9
@@ -247,5 +233,11 @@ def _curve(ax: Axes, values: Array, title: str, colour: str = BLUE) -> None:
     ax.set_xlim(0.0, 180.0)
     ax.set_ylim(bottom=0.0)
     ax.grid(color=GREY, linewidth=0.4, alpha=0.6)
+    _label(ax, title, x)
+
+
+def _label(ax: Axes, title: str = "", x: str = "", y: str = "") -> None:
     ax.set_title(title, fontsize=FONT["title"], loc="left")
+    ax.set_xlabel(x, fontsize=FONT["label"])
+    ax.set_ylabel(y, fontsize=FONT["label"])
     ax.tick_params(labelsize=FONT["tick"])

@@ -15,7 +15,9 @@ import numpy as np
 
 from scenarios.bench.matching.calibration import PLAIN, Trials, pairs_at, seeded, trials
 from scenarios.bench.matching.matchers import Variant
-from scenarios.report.style import BLACK, BLUE, FONT, SKY, VERMILLION, grid, png
+from scenarios.report.style import FONT, grid, png
+from scenarios.report.trajectory_figures import CHI2_2_95
+from slam.colours import BLACK, BLUE, SKY, VERMILLION
 from slam.matching.config import CovarianceMode
 from slam.se2 import Array
 
@@ -23,8 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PAIRS, SEED = 300, 0
-CHI2_95 = 5.991
-"""χ² of two degrees of freedom that 95 % stay under."""
 MODES: dict[CovarianceMode, tuple[str, str]] = {
     "pfister_block": (VERMILLION, "--"),
     "joint": (BLUE, "-."),
@@ -56,10 +56,10 @@ VIEWS = (
 def run(out: Path) -> Path:
     """Draw the picture into the file ``out``, a PNG; returns it. Raises ``OSError`` if that cannot be
     written."""
-    found = {place: experiment(place) for place in ("room", "corridor")}
+    by_place = {place: experiment(place) for place in ("room", "corridor")}
     figure, axes = grid(len(VIEWS), len(VIEWS), 3.1, 2.6, 0.5, 0.0)
     for ax, view in zip(axes, VIEWS, strict=True):
-        draw(ax, view, found[view.place])
+        draw(ax, view, by_place[view.place])
     axes[0].set_ylabel("error across, y [mm]", fontsize=FONT["label"])
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=4, fontsize=FONT["label"], frameon=False)
@@ -75,14 +75,14 @@ def experiment(place: str) -> dict[CovarianceMode, Trials]:
     return {mode: trials(Variant("wsm", "wsm", mode, PLAIN), pairs, guesses) for mode in MODES}
 
 
-def draw(ax: Axes, view: View, found: dict[CovarianceMode, Trials]) -> None:
+def draw(ax: Axes, view: View, by_mode: dict[CovarianceMode, Trials]) -> None:
     """The cloud of errors, the modes' ellipses of 95 %, and the share of the errors that each holds."""
-    errors = found["joint"].errors
+    errors = by_mode["joint"].errors
     ax.plot(errors[:, 0] / view.metres, 1e3 * errors[:, 1], ".", color=SKY, ms=4, label=f"{PAIRS} matches")
     for k, (mode, (colour, dash)) in enumerate(MODES.items()):
-        x, y = ellipse(np.mean(found[mode].covariances, axis=0)[:2, :2])
+        x, y = ellipse(np.mean(by_mode[mode].covariances, axis=0)[:2, :2])
         ax.plot(x / view.metres, 1e3 * y, dash, color=colour, lw=1.8, label=f"{mode}, 95 %")
-        share = f"{mode} holds {100.0 * held(found[mode]):.0f} %"
+        share = f"{mode} holds {100.0 * coverage(by_mode[mode]):.0f} %"
         ax.text(0.03, 0.97 - 0.07 * k, share, color=colour, transform=ax.transAxes, va="top",
                 fontsize=FONT["label"])  # fmt: skip
     ax.set_xlim(-view.half, view.half)
@@ -94,11 +94,11 @@ def draw(ax: Axes, view: View, found: dict[CovarianceMode, Trials]) -> None:
 def ellipse(covariance: Array) -> Array:
     """Outline ``(2, K)`` of the ellipse of 95 % of ``covariance (2, 2)``."""
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    return np.sqrt(CHI2_95) * np.linalg.cholesky(covariance) @ np.stack([np.cos(turn), np.sin(turn)])
+    return np.sqrt(CHI2_2_95) * np.linalg.cholesky(covariance) @ np.stack([np.cos(turn), np.sin(turn)])
 
 
-def held(found: Trials) -> float:
+def coverage(matches: Trials) -> float:
     """Share of the errors in x and y that the ellipse of their own covariance holds."""
-    errors = found.errors[:, :2]
-    solved = np.linalg.solve(found.covariances[:, :2, :2], errors[..., None])[..., 0]
-    return float(np.mean(np.sum(errors * solved, axis=1) <= CHI2_95))
+    errors = matches.errors[:, :2]
+    solved = np.linalg.solve(matches.covariances[:, :2, :2], errors[..., None])[..., 0]
+    return float(np.mean(np.sum(errors * solved, axis=1) <= CHI2_2_95))

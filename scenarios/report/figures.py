@@ -1,249 +1,234 @@
-"""Figures of a run: maps, trajectories and confidence. Each function returns a matplotlib ``Figure``."""
+"""The figures of a run, by name: for its page, and as PNG and PDF in its folder.
+
+``python -m scenarios.report album RUN …`` draws them again, with one for every stitch.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarios.evaluation.maps import RESOLUTION, cells_found, map_at, occupied_cells, true_map
-from scenarios.evaluation.trajectory import aligned
-from scenarios.report.cuts import cuts
-from scenarios.report.style import (
-    BLACK,
-    BLUE,
-    FONT,
-    GREY,
-    LEFT,
-    ORANGE,
-    RIGHT,
-    SKY,
-    TICKS,
-    VERMILLION,
-    WIDTH,
-    grid,
-    panels,
-    titled,
-)
-from slam.mapping.occupancy import Grid
+from scenarios.evaluation.metric import Metric
+from scenarios.evaluation.stitches import stitch_error
+from scenarios.report import stitch_figures, trajectory_figures, world_figures
+from scenarios.report.alignment_evidence import AlignedPair
+from scenarios.report.style import pdf, png
+from scenarios.report.verdict import headline, headline_scores
+from scenarios.run_folder.directory import safe_name
+from scenarios.run_folder.read import read_run
 from slam.recording import Recording
 from slam.se2 import Array
-from stitch.mapping.estimate import Estimate
+from stitch.alignment.config import AlignConfig
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-View = tuple[float, float, float, float]
-"""``x_min, x_max, y_min, y_max`` m."""
-MARGIN = 1.0
-"""Free space around a drawing [m]."""
+    from sim.record import SimulatedRun
 
 
-def maps(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[str, str]) -> Figure:
-    """The maps of all methods side by side; ``titles`` by method.
-
-    With truth every map is aligned to it and its walls are told apart: found, wrong, missed.
-    """
-    truth = true_map(recording)
-    truth_cells = None if truth is None else occupied_cells(truth)
-    drawn = [_cells(recording, estimate) for estimate in estimates]
-    shown, aspect = views([_centres(cells if truth is None else truth_cells) for cells in drawn])
-    figure, axes = panels(len(estimates), aspect)
-    for ax, estimate, cells, view in zip(axes, estimates, drawn, shown, strict=True):
-        ax.axis(view)
-        _draw_walls(ax, cells, truth_cells, _marker_size(ax, view))
-        titled(ax, titles[estimate.method])
-        _tell_of_walls_outside(ax, cells, view)
-    if truth_cells is not None:
-        legend(
-            figure, [("wall found", BLACK), ("drawn where there is none", BLUE), ("true wall missed", ORANGE)]
-        )
-    return figure
+def run(folders: Sequence[Path], out: Path | None) -> str:
+    """Draw the figures of runs, one of every stitch with an alignment too, into their own folders ``figures``
+    or into ``out/<run>``; returns the folders, one a line. Raises `InputError`."""
+    targets = []
+    for folder in folders:
+        specs = album_specs(*read_run(folder))
+        targets.append(folder / "figures" if out is None else out / folder.resolve().name)
+        for spec in specs:
+            write_figures(targets[-1], [spec.render()])
+    return "\n".join(map(str, targets))
 
 
-def trajectories(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[str, str]) -> Figure:
-    """The path of every method, over the true one where there is truth; ``titles`` by method."""
-    truth = recording.truth
-    paths = [estimate.poses if truth is None else aligned(estimate.poses, truth) for estimate in estimates]
-    shown, aspect = views([path if truth is None else truth for path in paths])
-    figure, axes = panels(len(estimates), aspect)
-    for ax, estimate, path, view in zip(axes, estimates, paths, shown, strict=True):
-        ax.axis(view)
-        if truth is not None:
-            ax.plot(truth[:, 0], truth[:, 1], color=ORANGE, linewidth=3.0, solid_capstyle="round")
-        ax.plot(path[:, 0], path[:, 1], color=BLACK, linewidth=0.9)
-        ax.plot(*path[0, :2], marker="o", color=BLUE, markersize=6, linestyle="none")
-        titled(ax, titles[estimate.method])
-    entries = [("estimate", BLACK), ("its start", BLUE)]
-    legend(figure, entries if truth is None else [("truth", ORANGE), *entries])
-    return figure
+@dataclass(frozen=True)
+class RenderedFigure:
+    """A figure as PNG and PDF: its ``name``, what it shows in words, and its caption."""
+
+    name: str
+    png: bytes
+    pdf: bytes
+    alt: str
+    caption: str
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the PNG in pixels."""
+        width, height = struct.unpack(">II", self.png[16:24])
+        return width, height
 
 
-CONFIDENCE = (
-    ("trace2", "trace [m²]", "log"),
-    ("det2", "determinant [m⁴]", "log"),
-    ("matches", "matches", "linear"),
-)
+@dataclass(frozen=True)
+class FigureSpec:
+    """A figure that can be drawn, with what it shows in words and its caption."""
+
+    name: str
+    draw: Callable[[], Figure]
+    alt: str
+    caption: str
+
+    def render(self) -> RenderedFigure:
+        """Draw the figure."""
+        figure = self.draw()
+        return RenderedFigure(self.name, png(figure), pdf(figure), self.alt, self.caption)
 
 
-def confidence(estimate: Estimate) -> Figure:
-    """The confidence of every match of an estimate's track over the drive.
-
-    Steps without a single match are red dots on the x axis, cuts vertical lines: scans that belong to no
-    segment (Formsma's figure 5.3). Where two segments touch, the drive was divided but not cut. Raises
-    ``ValueError`` when the estimate has no track.
-    """
-    if estimate.track is None:
-        raise ValueError(f"{estimate.method} has no track to draw the confidence of")
-    track = estimate.track
-    tried = ~np.isnan(track.confidence["trace2"])
-    lost = np.flatnonzero(tried & (track.matches == 0))
-    gaps = cuts(estimate.submaps)
-    figure, axes = grid(len(CONFIDENCE), 1, WIDTH - LEFT - RIGHT, 1.75, 0.0, 0.15)
-    for ax, (name, label, scale) in zip(axes, CONFIDENCE, strict=True):
-        values = track.matches.astype(float) if name == "matches" else track.confidence[name]
-        _confidence_panel(ax, np.flatnonzero(tried), values[tried], lost, scale)
-        ax.set_ylabel(label, fontsize=FONT["label"])
-        _shade(ax, gaps)
-        ax.set_xlim(-0.5, len(track) - 0.5)
-        ax.tick_params(labelbottom=ax is axes[-1])
-    axes[-1].set_xlabel("scan", fontsize=FONT["label"])
-    titled(
-        axes[0],
-        f"{estimate.method}: {len(lost)} of {tried.sum()} steps tried have no match, {len(gaps)} cuts",
-    )
-    legend(figure, [("matched step", BLACK), ("step without a match", VERMILLION), ("cut", SKY)])
-    return figure
+def write_figures(folder: Path, figures: Sequence[RenderedFigure]) -> None:
+    """Write each figure as PNG and PDF."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for figure in figures:
+        (folder / f"{figure.name}.png").write_bytes(figure.png)
+        (folder / f"{figure.name}.pdf").write_bytes(figure.pdf)
 
 
-def _shade(ax: Axes, gaps: Sequence[tuple[int, int]]) -> None:
-    """Bands over stretches of scans, first and last."""
-    from matplotlib.collections import PolyCollection
-
-    bands = [
-        [(first - 0.5, 0.0), (first - 0.5, 1.0), (last + 0.5, 1.0), (last + 0.5, 0.0)] for first, last in gaps
+def run_specs(
+    recording: Recording,
+    estimates: Sequence[Estimate],
+    metrics: Sequence[Metric],
+    simulated: SimulatedRun | None = None,
+) -> list[FigureSpec]:
+    """The figures of a run, in the order of the page."""
+    if not estimates:
+        return []
+    titles = figure_titles(estimates, metrics)
+    return [
+        *_result_specs(recording, estimates, titles),
+        *_track_specs(recording, estimates, titles),
+        *_stitch_specs(estimates, recording),
+        *_world_specs(simulated, estimates),
     ]
-    style: dict[str, Any] = {
-        "facecolors": SKY,
-        "edgecolors": SKY,
-        "alpha": 0.5,
-        "linewidths": 1.5,
-        "zorder": 0,
+
+
+def album_specs(
+    recording: Recording, estimates: Sequence[Estimate], metrics: Sequence[Metric]
+) -> list[FigureSpec]:
+    """The figures of a run and one of every stitch that has an alignment to draw, each name once."""
+    specs = {spec.name: spec for spec in run_specs(recording, estimates, metrics)}
+    for estimate in estimates:
+        for stitch in estimate.stitches:
+            if AlignedPair.of(estimate, stitch).complete:
+                spec = _stitch_spec(estimate, stitch)
+                specs[spec.name] = spec
+    return list(specs.values())
+
+
+def figure_titles(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> dict[str, str]:
+    """Method -> its name and its score in the metric the run is judged by."""
+    judged, scores = headline(metrics), headline_scores(metrics)
+    short = {"ate_rmse": "ATE", "relation_trans_mean": "relations"}
+    return {
+        e.method: f"{e.method}\n{short[judged[0]]} {scores[e.method]:.3f} m"
+        if judged and e.method in scores
+        else e.method
+        for e in estimates
     }
-    shaded = PolyCollection(bands, transform=ax.get_xaxis_transform(), **style)
-    ax.add_collection(shaded, autolim=False)
 
 
-def _grid(recording: Recording, poses: Array) -> Grid:
-    return map_at(recording, poses if recording.truth is None else aligned(poses, recording.truth))
+def _result_specs(
+    recording: Recording, estimates: Sequence[Estimate], titles: Mapping[str, str]
+) -> Iterator[FigureSpec]:
+    methods = ", ".join(estimate.method for estimate in estimates)
+    over = "" if recording.truth is None else " over truth, after SE(2) alignment"
+    for draw, what in (
+        (trajectory_figures.draw_maps, "Maps"),
+        (trajectory_figures.draw_trajectories, "Trajectories"),
+    ):
+        draw_all = partial(draw, recording, estimates, titles)
+        yield FigureSpec(what.lower(), draw_all, f"{what} of {methods}{over}", f"{what}{over}.")
 
 
-def _cells(recording: Recording, estimate: Estimate) -> np.ndarray | None:
-    """Occupied cells ``(n, 2)`` of a method's map, None where it is too large to draw."""
-    try:
-        return occupied_cells(_grid(recording, estimate.poses))
-    except ValueError:
-        return None
+def _track_specs(
+    recording: Recording, estimates: Sequence[Estimate], titles: Mapping[str, str]
+) -> Iterator[FigureSpec]:
+    """Confidence of every method with a track of its own, and the paths with their uncertainty."""
+    drawn: list[Estimate] = []
+    for estimate in estimates:
+        if estimate.track is None or any(_same_track(estimate, other) for other in drawn):
+            continue
+        drawn.append(estimate)
+        what = f"Confidence of {estimate.method}'s scan matches over the drive"
+        name = f"confidence-{safe_name(estimate.method)}"
+        yield FigureSpec(name, partial(trajectory_figures.draw_confidence, estimate), what, f"{what}.")
+    if drawn:
+        scale = trajectory_figures.ELLIPSE_SCALE
+        yield FigureSpec(
+            "uncertainty", partial(trajectory_figures.draw_uncertainty, recording, drawn, titles),
+            f"Paths of {', '.join(estimate.method for estimate in drawn)} with ellipses of their uncertainty",
+            f"How sure each method is of its place: ellipses that hold 95 %, {scale} times as large.",
+        )  # fmt: skip
 
 
-def _centres(cells: np.ndarray | None) -> Array:
-    return np.zeros((0, 2)) if cells is None else (cells + 0.5) * RESOLUTION
+def _same_track(one: Estimate, other: Estimate) -> bool:
+    a, b = one.track, other.track
+    return a is not None and b is not None and np.array_equal(a.poses, b.poses)
 
 
-def views(drawings: Sequence[Array]) -> tuple[list[View], float]:
-    """What to show of each set of points ``(n, >= 2)`` m, of one height over width, and that ratio."""
-    boxes = [_box(points[:, :2]) for points in drawings]
-    aspect = float(np.clip(np.median([size[1] / size[0] for _, size in boxes]), 0.3, 2.5))
-    views = []
-    for (x, y), size in boxes:
-        half = max(size[0], size[1] / aspect) / 2.0
-        views.append((float(x - half), float(x + half), float(y - half * aspect), float(y + half * aspect)))
-    return views, aspect
+def _stitch_specs(estimates: Sequence[Estimate], recording: Recording) -> Iterator[FigureSpec]:
+    """Submaps and accepted stitches of every method that cuts, and one stitch in full: the first false one,
+    else the one with the largest overlap."""
+    for estimate in estimates:
+        method, name = estimate.method, safe_name(estimate.method)
+        if not estimate.submaps:
+            continue
+        count = len(estimate.submaps)
+        yield FigureSpec(
+            f"submaps-{name}", partial(stitch_figures.draw_submaps, estimate),
+            f"The {count} submaps of {method}, each in its own frame",
+            f"The {count} submaps of {method}: number, first and last scan, size.",
+        )  # fmt: skip
+        accepted = [stitch for stitch in estimate.stitches if stitch.accepted]
+        if not accepted:
+            continue
+        false = false_stitches(estimate, recording.truth)
+        yield FigureSpec(
+            f"steps-{name}", partial(stitch_figures.draw_accepted_stitches, estimate, false),
+            f"The {len(accepted)} stitches of {method} one by one",
+            f"The stitches that {method} accepted, one by one: where it put the second submap (orange) in "
+            "the frame of the first (blue); black is in both. Red titles: false.",
+        )  # fmt: skip
+        largest = max(accepted, key=lambda stitch: getattr(stitch.result, "overlap_area", 0.0))
+        yield _stitch_spec(estimate, estimate.stitches[min(false)] if false else largest)
 
 
-def _box(points: Array) -> tuple[Array, Array]:
-    """Centre and size ``(2,)`` m of the box around points, with a margin."""
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
-    return (low + high) / 2.0, high - low + 2.0 * MARGIN
-
-
-def _marker_size(ax: Axes, view: View) -> float:
-    """Side of a cell on paper [pt], and at least what can be seen."""
-    points = 72.0 * ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
-    return max(1.4 * points * RESOLUTION / (view[1] - view[0]), 0.8)
-
-
-def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None, size: float) -> None:
-    if cells is None:
-        ax.text(
-            0.5, 0.5, "map too large to draw", transform=ax.transAxes, ha="center", fontsize=FONT["label"]
-        )
-        return
-    layers = [(cells, BLACK)]
-    if truth is not None:
-        found = cells_found(cells, truth)
-        layers = [(truth[~cells_found(truth, cells)], ORANGE), (cells[~found], BLUE), (cells[found], BLACK)]
-    for some, colour in layers:
-        x, y = _centres(some).T
-        style: dict[str, Any] = {"linestyle": "none", "marker": "s", "markersize": size, "markeredgewidth": 0}
-        ax.plot(x, y, color=colour, rasterized=True, **style)
-
-
-def _tell_of_walls_outside(ax: Axes, cells: np.ndarray | None, view: View) -> None:
-    if cells is None or len(cells) == 0:
-        return
-    x, y = _centres(cells).T
-    outside = np.mean((x < view[0]) | (x > view[1]) | (y < view[2]) | (y > view[3]))
-    if outside >= 0.005:
-        ax.text(
-            0.02,
-            0.02,
-            f"{outside:.0%} of the walls lie outside",
-            transform=ax.transAxes,
-            fontsize=FONT["tick"],
-        )
-
-
-def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarray, scale: str) -> None:
-    from matplotlib.ticker import LogLocator, NullLocator
-
-    drawable = np.isfinite(values) & ((values > 0.0) if scale == "log" else True)
-    ax.set_yscale(scale)
-    if scale == "log":
-        ax.yaxis.set_major_locator(LogLocator(numticks=TICKS))
-        ax.yaxis.set_major_formatter("{x:.0e}")  # plain text: mathematics take ten times as long to set
-    ax.yaxis.set_minor_locator(NullLocator())
-    alone = drawable & ~np.append(False, drawable[:-1]) & ~np.append(drawable[1:], False)
-    ax.plot(
-        scans, np.where(drawable, values, np.nan), color=BLACK, linewidth=0.5,
-        marker=".", markersize=2.5, markevery=alone,
-    )  # fmt: skip
-    if not np.any(drawable):
-        ax.text(0.5, 0.5, "no step was matched", transform=ax.transAxes, ha="center", fontsize=FONT["label"])
-    elif scale == "linear":
-        ax.set_ylim(bottom=0.0)
-    ax.plot(
-        lost,
-        np.zeros(len(lost)),
-        transform=ax.get_xaxis_transform(),
-        color=VERMILLION,
-        marker="o",
-        markersize=5,
-        linestyle="none",
-        clip_on=False,
-        zorder=5,
+def false_stitches(estimate: Estimate, truth: Array | None) -> frozenset[int]:
+    """Indices of the accepted stitches that are false; none where there is no truth."""
+    if truth is None:
+        return frozenset()
+    errors = [stitch_error(estimate, stitch, truth) for stitch in estimate.stitches]
+    return frozenset(
+        k
+        for k, (stitch, error) in enumerate(zip(estimate.stitches, errors, strict=True))
+        if stitch.accepted and error is not None and error.false
     )
-    ax.grid(axis="y", color=GREY, linewidth=0.4, alpha=0.6)
 
 
-def legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
-    """What each colour means, under the figure: entries (words, colour)."""
-    from matplotlib.lines import Line2D
+def _stitch_spec(estimate: Estimate, stitch: LoopCandidate) -> FigureSpec:
+    what = f"Stitch of submap {stitch.b} to {stitch.a} by {estimate.method}"
+    return FigureSpec(
+        f"stitch-{safe_name(estimate.method)}-{stitch.a}-{stitch.b}",
+        partial(stitch_figures.draw_stitch, estimate, stitch, AlignConfig()),
+        f"{what}: both submaps before and after, their spectra and correlations",
+        f"{what}: the submaps before and after, Hough spectra and their correlation, X and Y spectra and "
+        "theirs, the score of shifts; dotted: what was chosen.",
+    )
 
-    handles = [
-        Line2D([], [], color=colour, marker="s", linestyle="none", markersize=7, label=label)
-        for label, colour in entries
-    ]
-    figure.legend(handles=handles, loc="lower center", ncols=len(handles), fontsize=9, frameon=False)
+
+def _world_specs(simulated: SimulatedRun | None, estimates: Sequence[Estimate]) -> Iterator[FigureSpec]:
+    """The world from above, the drive and where the Weighted Scan Matcher failed; a scan from the side."""
+    if simulated is None:
+        return
+    matcher = next((estimate for estimate in estimates if estimate.method == "wsm"), None)
+    yield FigureSpec(
+        "world", partial(world_figures.draw_from_above, simulated, matcher),
+        "The simulated world from above, the driven path coloured by the robot's tilt",
+        "The world and the drive, coloured by tilt. Shaded: uneven ground (brown) and smoke (grey).",
+    )  # fmt: skip
+    yield FigureSpec(
+        "tilt", partial(world_figures.draw_from_the_side, simulated),
+        "One tilted scan from the side: where its beams meet the floor or a wall",
+        "The scan with the most nose-down pitch, from the side: what a tilted laser takes for a wall.",
+    )  # fmt: skip

@@ -3,78 +3,86 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenarios.evaluation.metric import Metric
-from scenarios.report.album import Plate
-from scenarios.report.assets import TEMPLATES, script, style
-from scenarios.report.live.packed import picture
-from scenarios.report.live.run import script_safe, told
-from scenarios.report.table import BASELINE, tabulate
+from scenarios.report.figures import RenderedFigure, run_specs, write_figures
+from scenarios.report.html import environment, script, style
+from scenarios.report.live.content import live_content, script_safe
+from scenarios.report.live.encode import data_address
+from scenarios.report.method_attributes import BASELINE, OURS
+from scenarios.report.metrics_table import tabulate
 from scenarios.report.verdict import best_method, headline, scores, verdict
+from scenarios.run_folder.run import Run
 from slam.recording import Recording
 from stitch.mapping.estimate import Estimate
 
 if TYPE_CHECKING:
-    import jinja2
-
     from scenarios.stages import Cost
     from sim.record import SimulatedRun
+
+
+def write_report(folder: Path, run: Run, stages: Mapping[str, Cost]) -> None:
+    """Write the ``figures`` of a run and its report.html into ``folder``, with what the ``stages`` so far
+    cost."""
+    specs = run_specs(run.recording, run.estimates, run.metrics, run.simulated)
+    figures = [spec.render() for spec in specs]
+    write_figures(folder / "figures", figures)
+    page = render(run.recording, run.estimates, run.metrics, facts(run), figures, run.simulated, stages)
+    (folder / "report.html").write_text(page, encoding="utf-8")
+
+
+def facts(run: Run) -> dict[str, object]:
+    """How a run was made: the command, and with what."""
+    made: Any = run.environment
+    return {
+        "command": run.asked["command"],
+        **({} if run.simulated is None else {"seed": run.seed}),  # a log has none
+        "code": made["git"] or made["slamstitch"],
+        "python": made["python"],
+        "packages": made["packages"],
+        "processor": f"{made['processor']}, {made['cores']} cores",
+    }
 
 
 def render(
     recording: Recording,
     estimates: Sequence[Estimate],
     metrics: Sequence[Metric],
-    run: Mapping[str, object],
-    plates: Sequence[Plate] = (),
+    facts: Mapping[str, object],
+    figures: Sequence[RenderedFigure] = (),
     simulated: SimulatedRun | None = None,
     stages: Mapping[str, Cost] | None = None,
 ) -> str:
-    """The page of a run, with its figures ``plates``.
+    """The page of a run.
 
-    ``run`` is told as it is, key by key (seed, versions, what else matters); its ``command`` is the command
-    line that made the run. ``simulated`` is what only a simulator knows, ``stages`` what each stage cost.
-    Everything that comes from outside is escaped.
+    ``facts`` are printed key by key (seed, versions, …); its ``command`` is the command line that made the
+    run. ``simulated`` is what only a simulator knows, ``stages`` what each stage cost. Everything that comes
+    from outside is escaped.
     """
     from markupsafe import Markup
 
-    judged = headline(metrics)
-    table = tabulate(metrics)
-    live = (
-        script_safe(told(recording, estimates, _shown_first(estimates, metrics), simulated))
-        if estimates
-        else None
-    )
+    judged, table = headline(metrics), tabulate(metrics)
+    live = None
+    if estimates:
+        first = _shown_first(estimates, metrics)
+        live = Markup(script_safe(live_content(recording, estimates, first, simulated)))
     return environment().get_template("report.html.j2").render(
         recording=recording,
         verdict=verdict(metrics, estimates),
-        scores=scores(metrics, list(dict.fromkeys(metric.method for metric in metrics))),
+        scores=scores(metrics, table.methods),
         judged=judged and judged[1][0].upper() + judged[1][1:],
         table=table,
-        kinds=table.kinds(),
         baseline=BASELINE,
-        pictures=[_shown(plate) for plate in plates],
-        command=run.get("command"),
-        run={key: value for key, value in run.items() if key != "command"},
+        figures=[(figure, data_address(figure.png)) for figure in figures],
+        command=facts.get("command"),
+        facts={key: value for key, value in facts.items() if key != "command"},
         stages=stages,
-        told=live and Markup(live),
+        live=live,
         style=Markup(style()),
         script=Markup(script()),
     )  # fmt: skip
-
-
-def environment() -> jinja2.Environment:
-    """Templates in which everything is escaped that is not told to be safe."""
-    import jinja2
-
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
 
 
 def _shown_first(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> str | None:
@@ -84,8 +92,4 @@ def _shown_first(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> st
     if best not in (None, BASELINE):
         return best
     methods = [estimate.method for estimate in estimates]
-    return "slamstitch" if "slamstitch" in methods else methods[-1] if methods else None
-
-
-def _shown(plate: Plate) -> dict[str, Any]:
-    return {"data": picture(plate.png), "alt": plate.alt, "caption": plate.caption, "size": plate.size}
+    return OURS if OURS in methods else methods[-1] if methods else None

@@ -1,4 +1,4 @@
-"""Shapes for the worked examples of the report's third chapter, ours, with known answers."""
+"""Shapes of our own for the worked examples of the thesis' third chapter, with known answers."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def points_on(segments: Array) -> Array:
     return np.concatenate(parts)
 
 
-def drawn(points: Array) -> Submap:
+def rasterise_points(points: Array) -> Submap:
     """Points ``(n, 2)`` m as a submap of pixels; what is not a wall is free."""
     first = np.floor(points.min(axis=0) / PIXEL)
     column, row = (np.floor(points / PIXEL) - first).astype(int).T
@@ -89,8 +89,8 @@ def drawn(points: Array) -> Submap:
     return Submap(0, 1, np.zeros(3), scan, grid)
 
 
-def turned(points: Array, yaw: float) -> Array:
-    """Points ``(n, 2)`` turned by ``yaw`` rad about the origin."""
+def rotate(points: Array, yaw: float) -> Array:
+    """Points ``(n, 2)`` rotated by ``yaw`` rad about the origin."""
     return points @ se2.rotation(yaw).T
 
 
@@ -98,4 +98,4 @@ def map_and_cutout() -> tuple[Submap, Submap]:
     """The map of rooms and a round piece of it in a frame of its own, which lies at `T_MAP_CUTOUT`."""
     walls = points_on(rooms())
     piece = se2.transform(se2.inverse(T_MAP_CUTOUT), walls)
-    return drawn(walls), drawn(piece[np.hypot(piece[:, 0], piece[:, 1]) <= CUTOUT])
+    return rasterise_points(walls), rasterise_points(piece[np.hypot(piece[:, 0], piece[:, 1]) <= CUTOUT])

@@ -1,32 +1,27 @@
-"""Colours and panels of the figures: readable for the colour-blind, in print, and 1100 pixels wide."""
+"""Sizes, panels and file formats of the figures: readable on a screen and in print, 11 inches wide."""
 
 from __future__ import annotations
 
 import io
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe & Ito 2008
-BLACK, ORANGE, SKY = "#000000", "#E69F00", "#56B4E9"
-BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "#B0B0B0"
-
 WIDTH = 11.0
-"""Width of a figure [inch]: 1100 pixels at 100 dpi."""
+"""Width of a figure [inch]."""
 DPI, PDF_DPI = 120, 150
-"""Of pictures, and of the clouds of dots in a PDF, the rest of which is lines."""
+"""Resolution of a PNG, and of the point clouds in a PDF, the rest of which is lines."""
 FONT = {"title": 10, "label": 9, "tick": 8}
-
-
 LEFT, RIGHT, BOTTOM, TOP = 0.65, 0.1, 0.75, 0.45
 """Room around the panels [inch]; the legend is at the bottom."""
 BETWEEN_COLUMNS, BETWEEN_ROWS = 0.45, 0.7
 TICKS = 4
-BELOW, BESIDE = 0.25, 0.45
-"""From a panel to the names of its axes [inch]."""
+LABEL_BELOW, LABEL_BESIDE = 0.25, 0.45
+"""Distance from a panel to the labels of its axes [inch]."""
 
 
 def panels(count: int, aspect: float) -> tuple[Figure, list[Axes]]:
@@ -45,22 +40,22 @@ def panels(count: int, aspect: float) -> tuple[Figure, list[Axes]]:
     return figure, axes
 
 
-def titled(ax: Axes, words: str, loc: Literal["left", "center"] = "center") -> None:
+def set_title(ax: Axes, text: str, loc: Literal["left", "center"] = "center") -> None:
     """A title at a fixed place: to find one, matplotlib would measure every label of the panel."""
-    ax.set_title(words, fontsize=FONT["title"], loc=loc, y=1.0, parse_math=False)
+    ax.set_title(text, fontsize=FONT["title"], loc=loc, y=1.0, parse_math=False)
 
 
-def settle(ax: Axes) -> None:
-    """About `TICKS` round numbers on either axis, as nine do not fit a small panel; names of the axes at a
-    fixed distance. What matplotlib need not look for it draws in half the time."""
+def fix_axes(ax: Axes) -> None:
+    """About `TICKS` round numbers on either axis, as nine do not fit a small panel; labels of the axes at a
+    fixed distance, which halves the time that matplotlib takes."""
     from matplotlib.transforms import ScaledTranslation
 
     ax.locator_params(nbins=TICKS)
     ax.tick_params(labelsize=FONT["tick"])
     assert ax.figure is not None
     inches = ax.figure.dpi_scale_trans
-    ax.xaxis.set_label_coords(0.5, 0.0, ax.transAxes + ScaledTranslation(0.0, -BELOW, inches))
-    ax.yaxis.set_label_coords(0.0, 0.5, ax.transAxes + ScaledTranslation(-BESIDE, 0.0, inches))
+    ax.xaxis.set_label_coords(0.5, 0.0, ax.transAxes + ScaledTranslation(0.0, -LABEL_BELOW, inches))
+    ax.yaxis.set_label_coords(0.0, 0.5, ax.transAxes + ScaledTranslation(-LABEL_BESIDE, 0.0, inches))
 
 
 def grid(
@@ -75,19 +70,24 @@ def grid(
     tall = rows * height + (rows - 1) * down + BOTTOM + TOP
     figure = Figure(figsize=(total, tall))
     places = figure.add_gridspec(
-        rows,
-        columns,
-        left=LEFT / total,
-        right=1.0 - (RIGHT + beside) / total,
-        bottom=BOTTOM / tall,
-        top=1.0 - TOP / tall,
-        wspace=across / width,
-        hspace=down / height,
-    )
+        rows, columns, wspace=across / width, hspace=down / height,
+        left=LEFT / total, right=1.0 - (RIGHT + beside) / total, bottom=BOTTOM / tall, top=1.0 - TOP / tall,
+    )  # fmt: skip
     axes = [figure.add_subplot(places[i // columns, i % columns]) for i in range(count)]
     for ax in axes:
-        settle(ax)
+        fix_axes(ax)
     return figure, axes
+
+
+def add_legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
+    """What each colour means, under the figure: entries (words, colour)."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=colour, marker="s", linestyle="none", markersize=7, label=label)
+        for label, colour in entries
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=len(handles), fontsize=9, frameon=False)
 
 
 def png(figure: Figure, dpi: int = DPI) -> bytes:

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scenarios.evaluation.metric import Metric
-from scenarios.report.cuts import cuts
+from scenarios.report.method_attributes import BASELINE, SEES_TRUTH, colour_indices
+from scenarios.report.trajectory_figures import segment_gaps
+from slam.table import ABSENT
 from stitch.mapping.estimate import Estimate
 
 HEADLINES = (("ate_rmse", "position error (ATE)"), ("relation_trans_mean", "mean error of the relations"))
-BASELINE, CHEAT = "ins", "oracle"
-COLOURS = ("slamstitch", "ins", "wsm", "htms", "icp", "oracle")
-"""Methods that keep their colour on every page; two more are for others."""
 
 
 def headline(metrics: Sequence[Metric]) -> tuple[str, str] | None:
@@ -23,8 +22,8 @@ def headline(metrics: Sequence[Metric]) -> tuple[str, str] | None:
 
 @dataclass(frozen=True)
 class Score:
-    """What a method has in the metric a run is judged by, and what that is beside dead reckoning; ``colour``
-    is the number of its colour."""
+    """A method's value of the metric a run is judged by, and how that compares with dead reckoning;
+    ``colour`` is the index of its colour."""
 
     colour: int
     method: str
@@ -35,38 +34,25 @@ class Score:
 
 def best_method(metrics: Sequence[Metric]) -> str | None:
     """The method with the best score; the oracle, which sees truth, does not compete."""
-    scores = {method: score for method, score in _scores(metrics).items() if method != CHEAT}
+    scores = {method: score for method, score in headline_scores(metrics).items() if method != SEES_TRUTH}
     return min(scores, key=lambda method: scores[method]) if scores else None
 
 
 def scores(metrics: Sequence[Metric], methods: Sequence[str]) -> list[Score]:
     """Every method's score, the best first, those without one last; none where nothing is judged."""
-    found, best = _scores(metrics), best_method(metrics)
-    if not found:
+    values, best = headline_scores(metrics), best_method(metrics)
+    if not values:
         return []
-    base = found.get(BASELINE)
-
-    def rank(named: tuple[str, int]) -> float:
-        return found.get(named[0], float("inf"))
-
+    colours = dict(zip(methods, colour_indices(methods), strict=True))
     return [
         Score(
-            colour,
+            colours[method],
             method,
-            _metres(found[method]) if method in found else "–",
-            _beside(method, found.get(method), base),
-            method == best and len(found) > 1,
+            _metres(values[method]) if method in values else ABSENT,
+            _versus_baseline(method, values.get(method), values.get(BASELINE)),
+            method == best and len(values) > 1,
         )
-        for method, colour in sorted(zip(methods, colours(methods), strict=True), key=rank)
-    ]
-
-
-def colours(methods: Sequence[str]) -> list[int]:
-    """The number of every method's colour: known ones keep theirs on every page."""
-    others = [method for method in methods if method not in COLOURS]
-    return [
-        COLOURS.index(method) if method in COLOURS else len(COLOURS) + others.index(method) % 2
-        for method in methods
+        for method in sorted(methods, key=lambda method: values.get(method, float("inf")))
     ]
 
 
@@ -74,7 +60,7 @@ def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> st
     """Which method did best and by how much over dead reckoning; its cuts and stitches, and false stitches of
     all.
 
-    The oracle does not compete. Of ``estimates`` the cuts are counted.
+    The oracle does not compete. The cuts are counted in ``estimates``.
     """
     judged, best = headline(metrics), best_method(metrics)
     if judged is None:
@@ -82,20 +68,20 @@ def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> st
             "Nothing to score against: the recording has neither truth nor relations. Judge the maps by eye."
         )
     if best is None:
-        return f"No method but the {CHEAT} was scored."
-    scored = {method: score for method, score in _scores(metrics).items() if method != CHEAT}
-    cut = next((len(cuts(e.submaps)) for e in estimates if e.method == best and e.submaps), None)
+        return f"No method but the {SEES_TRUTH} was scored."
+    scored = {method: score for method, score in headline_scores(metrics).items() if method != SEES_TRUTH}
+    cuts = next((len(segment_gaps(e.submaps)) for e in estimates if e.method == best and e.submaps), None)
     sentence = _ranking(best, scored, judged[1])
-    return " ".join([sentence + _stitching(best, cut, metrics), *_false_stitches(metrics, best)])
+    return " ".join([sentence + _stitching(best, cuts, metrics), *_false_stitches(metrics, best)])
 
 
-def _scores(metrics: Sequence[Metric]) -> dict[str, float]:
+def headline_scores(metrics: Sequence[Metric]) -> dict[str, float]:
     """Method -> its score in the metric a run is judged by."""
     judged = headline(metrics)
     return {m.method: m.value for m in metrics if judged and m.name == judged[0] and m.value is not None}
 
 
-def _beside(method: str, score: float | None, base: float | None) -> str:
+def _versus_baseline(method: str, score: float | None, base: float | None) -> str:
     if score is None:
         return "not scored"
     if method == BASELINE:
@@ -105,16 +91,16 @@ def _beside(method: str, score: float | None, base: float | None) -> str:
     return f"{base / score:.3g} times better" if score <= base else f"{score / base:.3g} times worse"
 
 
-def _stitching(best: str, cut: int | None, metrics: Sequence[Metric]) -> str:
+def _stitching(best: str, cuts: int | None, metrics: Sequence[Metric]) -> str:
     """The end of the sentence: what the best method cut and stitched."""
     counts = {m.name: int(m.value) for m in metrics if m.method == best and m.value is not None}
     if "stitches_accepted" not in counts:
         return "."
-    told = [] if cut is None else [f"{cut} cut{'' if cut == 1 else 's'}"]
-    told.append(f"{counts['stitches_accepted']} of {counts['stitches_tried']} stitches accepted")
+    parts = [] if cuts is None else [f"{cuts} cut{'' if cuts == 1 else 's'}"]
+    parts.append(f"{counts['stitches_accepted']} of {counts['stitches_tried']} stitches accepted")
     if "stitches_false" in counts:
-        told.append(f"{counts['stitches_false']} false")
-    return f"; {', '.join(told)}."
+        parts.append(f"{counts['stitches_false']} false")
+    return f"; {', '.join(parts)}."
 
 
 def _ranking(best: str, scores: dict[str, float], words: str) -> str:
@@ -135,12 +121,12 @@ def _ranking(best: str, scores: dict[str, float], words: str) -> str:
     return text
 
 
-def _false_stitches(metrics: Sequence[Metric], told: str) -> list[str]:
-    """Sentences about false stitches of the methods but the one ``told`` of already."""
+def _false_stitches(metrics: Sequence[Metric], but_of: str) -> list[str]:
+    """Sentences about false stitches of all methods but one."""
     return [
         f"{m.method} accepted {m.value:.0f} false stitch{'' if m.value == 1 else 'es'}."
         for m in metrics
-        if m.name == "stitches_false" and m.value and m.method != told
+        if m.name == "stitches_false" and m.value and m.method != but_of
     ]
 
 

@@ -1,4 +1,4 @@
-"""A run in Rerun: scans, paths, submaps and the graph over time, in metres, z up."""
+"""A run in Rerun: scans, paths, submaps and loop closures over time, in metres, z up."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenarios.evaluation.trajectory import aligned
-from scenarios.report.album import false_stitches
-from scenarios.report.pieces import MERGING, state
-from scenarios.report.verdict import colours
-from scenarios.run_folder.reading import read
+from scenarios.report.alignment_evidence import state_of
+from scenarios.report.figures import false_stitches
+from scenarios.report.live.scan_fit import has_return
+from scenarios.report.method_attributes import MERGING, colour_indices
+from scenarios.run_folder.read import read_run
 from slam import se2
 from slam.cli import InputError
 from slam.recording import Recording
@@ -27,21 +28,22 @@ MISSING = "Rerun is not installed: pip install -e '.[view]' (or pip install reru
 PALETTE = ("0072b2", "c98a00", "d55e00", "b5528d", "2f9fd8", "009e73", "7a6ff0", "6d7a00")
 """Colours of methods and submaps: those of the page."""
 STATES = {"accepted": "00805f", "false": "c2300a", "rejected": "7b8490", "refused": "a0a8b2"}
-"""Colours of stitches by what came of them."""
+"""Colours of stitches by their state."""
 
 
 def check() -> None:
-    """Raises `InputError`, telling how to install it, where Rerun is missing."""
+    """Raises `InputError` with how to install it where Rerun is missing."""
     if find_spec("rerun") is None:
         raise InputError(MISSING)
 
 
 def run(folders: Sequence[Path], out: Path | None) -> str:
-    """Show a run in Rerun's viewer, or write it to the file ``out``; returns what was done in words."""
+    """Show a run in Rerun's viewer, or write it to the file ``out``; returns the path of what is shown or
+    written. Raises `InputError`."""
     check()
     if len(folders) != 1:
         raise InputError(f"view: expected one run, got {len(folders)}")
-    recording, estimates, _ = read(folders[0])
+    recording, estimates, _ = read_run(folders[0])
 
     import rerun as rr
 
@@ -63,13 +65,14 @@ def log(stream: rerun.RecordingStream, recording: Recording, estimates: Sequence
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     if recording.truth is not None:
         stream.log("truth/path", rr.LineStrips3D([_flat(recording.truth[:, :2])]), static=True)
-    for estimate, colour in zip(estimates, colours([e.method for e in estimates]), strict=True):
-        truth = recording.truth
+    truth, indices = recording.truth, colour_indices([estimate.method for estimate in estimates])
+    for estimate, index in zip(estimates, indices, strict=True):
+        colour = _rgb(PALETTE[index])
         poses = estimate.poses if truth is None else aligned(estimate.poses, truth)
         entity = rr.escape_entity_path_part(estimate.method)
-        path = rr.LineStrips3D([_flat(poses[:, :2])], colors=_rgb(PALETTE[colour]))
+        path = rr.LineStrips3D([_flat(poses[:, :2])], colors=colour)
         stream.log(f"{entity}/path", path, static=True)
-        _log_robot(stream, entity, recording, poses, _rgb(PALETTE[colour]))
+        _log_robot(stream, entity, recording, poses, colour)
         _log_confidence(stream, entity, recording, estimate)
         _log_submaps(stream, entity, recording, estimate, poses)
         _log_stitches(stream, entity, recording, estimate, poses)
@@ -102,11 +105,10 @@ def _log_robot(
     stream.send_columns(f"{entity}/robot", _times(recording), places)
     body = rr.Boxes3D(half_sizes=[0.27, 0.2, 0.1], colors=colour)
     stream.log(f"{entity}/robot/body", body, static=True)
-    laser = recording.laser
-    seen = (recording.ranges >= laser.range_min) & (recording.ranges < laser.range_max)
+    seen = has_return(recording)
     r = np.where(seen, recording.ranges, 0.0)
     ends = np.stack([r * np.cos(recording.angles), r * np.sin(recording.angles)], -1)
-    points = se2.transform(laser.T_robot_laser, ends)[seen]
+    points = se2.transform(recording.laser.T_robot_laser, ends)[seen]
     clouds = rr.Points3D.columns(positions=_flat(points)).partition(seen.sum(axis=1))
     stream.send_columns(f"{entity}/robot/scan", _times(recording), clouds)
 
@@ -140,17 +142,17 @@ def _log_submaps(
 def _log_stitches(
     stream: rerun.RecordingStream, entity: str, recording: Recording, estimate: Estimate, poses: Array
 ) -> None:
-    """The graph: each stitch from the last scan of the later submap on, coloured by what came of it."""
+    """Each stitch from the last scan of the later submap on, coloured by what became of it."""
     import rerun as rr
 
     false = false_stitches(estimate, recording.truth)
-    for k, tried in enumerate(estimate.stitches):
-        a = tried.b - 1 if estimate.method in MERGING else tried.a
-        ends = poses[[estimate.submaps[a].start, estimate.submaps[tried.b].start], :2]
-        what = state(tried, k in false)
-        _at(stream, recording, estimate.submaps[tried.b].stop - 1)
-        line = rr.LineStrips3D([_flat(ends)], colors=_rgb(STATES[what]), labels=what, show_labels=False)
-        stream.log(f"{entity}/stitches/{what}/{tried.a}-{tried.b}", line)
+    for k, stitch in enumerate(estimate.stitches):
+        a = stitch.b - 1 if estimate.method in MERGING else stitch.a
+        ends = poses[[estimate.submaps[a].start, estimate.submaps[stitch.b].start], :2]
+        state = state_of(stitch, k in false)
+        _at(stream, recording, estimate.submaps[stitch.b].stop - 1)
+        line = rr.LineStrips3D([_flat(ends)], colors=_rgb(STATES[state]), labels=state, show_labels=False)
+        stream.log(f"{entity}/stitches/{state}/{stitch.a}-{stitch.b}", line)
 
 
 def _flat(points: Array) -> Array:

@@ -1,73 +1,81 @@
-"""segments.json and stitches.json: how each method cut the drive, and the story of every stitch."""
+"""stitches.json: every pair of submaps that a method tried to align, written and read back."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from scenarios.evaluation.stitches import stitch_error
 from slam.se2 import Array
-from stitch.align import Alternative, Prior, Stitch
+from stitch.align import Alternative, NoStitch, Prior, Stitch
 from stitch.mapping.estimate import Estimate, LoopCandidate
 
 
-def segments(estimates: Sequence[Estimate]) -> dict[str, list[dict[str, int]]]:
-    """Method -> its segments, scans ``start..stop-1`` each."""
-    return {
-        estimate.method: [{"start": submap.start, "stop": submap.stop} for submap in estimate.submaps]
-        for estimate in estimates
-        if estimate.submaps
-    }
-
-
-def stories(estimates: Sequence[Estimate], truth: Array | None) -> dict[str, list[dict[str, object]]]:
-    """Method -> every stitch it tried; against ``truth (N, 3)`` also how far off and whether false."""
-    return {
-        estimate.method: [story(estimate, tried, truth) for tried in estimate.stitches]
-        for estimate in estimates
-        if estimate.stitches
-    }
-
-
-def story(estimate: Estimate, tried: LoopCandidate, truth: Array | None) -> dict[str, object]:
-    """What came of a pair of segments: when it was tried and where it was expected, the alignment and what
-    speaks for it, or why there is none.
+def stitch_to_json(estimate: Estimate, candidate: LoopCandidate, truth: Array | None) -> dict[str, object]:
+    """An entry of stitches.json: the pair and its prior, then the alignment, or why there is none; against
+    ``truth (N, 3)`` also its error and whether it is false.
 
     ``scan`` is the last scan of b: in round (``turn``) 0 nothing later was known.
     """
-    told: dict[str, object] = {
-        "a": tried.a,
-        "b": tried.b,
-        "turn": tried.round,
-        "scan": estimate.submaps[tried.b].stop - 1,
-        "prior": None if tried.prior is None else _prior(tried.prior),
-        "accepted": tried.accepted,
-        "weight": tried.weight,
+    entry: dict[str, object] = {
+        "a": candidate.a,
+        "b": candidate.b,
+        "turn": candidate.round,
+        "scan": estimate.submaps[candidate.b].stop - 1,
+        "prior": None if candidate.prior is None else vars(candidate.prior),
+        "accepted": candidate.accepted,
+        "weight": candidate.weight,
     }
-    result = tried.result
-    if not isinstance(result, Stitch):
-        best = None if result.best is None else _alternative(result.best)
-        return {**told, "reason": result.reason, "best": best}
-    told |= {
+    result = candidate.result
+    if isinstance(result, NoStitch):
+        return {**entry, "reason": result.reason, "best": None if result.best is None else vars(result.best)}
+    entry |= {
         "T_a_b": result.T_a_b,
         "covariance": result.covariance,
         "score": result.score,
         "overlap_m2": result.overlap_area,
         "agreement": result.agreement,
         "belief": result.belief,
-        "alternatives": [_alternative(other) for other in result.alternatives],
+        "alternatives": [vars(other) for other in result.alternatives],
     }
-    error = None if truth is None else stitch_error(estimate, tried, truth)
+    error = None if truth is None else stitch_error(estimate, candidate, truth)
     if error is not None:
-        told |= {"error_m": error.translation, "error_deg": float(np.degrees(error.rotation))}
-        told["false"] = tried.accepted and error.false
-    return told
+        entry |= {"error_m": error.translation, "error_deg": float(np.degrees(error.rotation))}
+        entry["false"] = candidate.accepted and error.false
+    return entry
 
 
-def _prior(prior: Prior) -> dict[str, object]:
-    return {"T_a_b": prior.T_a_b, "covariance": prior.covariance}
+def stitch_from_json(entry: Mapping[str, Any]) -> LoopCandidate:
+    """The candidate that `stitch_to_json` wrote. Raises ``KeyError`` for an entry without all of it."""
+    prior = entry["prior"]
+    return LoopCandidate(
+        entry["a"],
+        entry["b"],
+        _stitch(entry) if "T_a_b" in entry else _refusal(entry),
+        entry["weight"],
+        prior=None if prior is None else Prior(np.array(prior["T_a_b"]), np.array(prior["covariance"])),
+        round=entry["turn"],
+    )
 
 
-def _alternative(other: Alternative) -> dict[str, object]:
-    return {"T_a_b": other.T_a_b, "score": other.score}
+def _stitch(entry: Mapping[str, Any]) -> Stitch:
+    sigma = entry["covariance"]
+    return Stitch(
+        np.array(entry["T_a_b"]),
+        None if sigma is None else np.array(sigma),
+        entry["score"],
+        entry["overlap_m2"],
+        entry["agreement"],
+        tuple(map(_alternative, entry["alternatives"])),
+        entry["belief"],
+    )
+
+
+def _refusal(entry: Mapping[str, Any]) -> NoStitch:
+    return NoStitch(entry["reason"], None if entry["best"] is None else _alternative(entry["best"]))
+
+
+def _alternative(entry: Mapping[str, Any]) -> Alternative:
+    return Alternative(np.array(entry["T_a_b"]), float(entry["score"]))

@@ -55,7 +55,7 @@ def command() -> Command:
 @pytest.fixture
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs draw no figures, on which they spend three quarters of their time."""
-    monkeypatch.setattr("scenarios.report.album.drawings", lambda *_: [])
+    monkeypatch.setattr("scenarios.report.page.run_specs", lambda *_: [])
 
 
 @dataclass(frozen=True)

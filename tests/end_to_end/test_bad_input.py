@@ -187,12 +187,12 @@ def test_a_folder_that_cannot_be_made_is_told_in_one_line(command, here, monkeyp
 def test_a_full_disk_is_told_in_one_line(command, here, monkeypatch):
     import errno
 
-    from scenarios import run_folder
+    from scenarios.run_folder import write
 
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(run_folder, "write", full)
+    monkeypatch.setattr(write, "write_run", full)
     finished = command("good.log", "--methods", "ins", "--out", "new/runs")
     assert finished.code == 2
     assert finished.stderr.splitlines()[-1] == (

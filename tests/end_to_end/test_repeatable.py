@@ -13,9 +13,9 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 COSTS = {"wall_s", "scans_per_s", "peak_mb"}
 ELSEWHERE = """
 import sys
-from scenarios.report import album
+from scenarios.report import page
 from scenarios.run import COMMAND, Options, main, run
-album.drawings = lambda *_: []
+page.run_specs = lambda *_: []
 sys.exit(main(Options, COMMAND, run))
 """
 """A run in another process, but for its figures."""

@@ -37,7 +37,7 @@ def test_everything_is_there(done):
     figures = {path for path in found if path.startswith("figures/")}
     assert found - figures == {
         "config.json", "environment.json", "metrics.json", "segments.json", "stitches.json",
-        "recording.npz", "report.html", "steps.csv", "tracks.npz",
+        "recording.npz", "report.html", "steps.csv", "tracks.npz", "submaps.npz",
         *(f"trajectories/{name}.tum" for name in drawn),
         *(f"maps/{name}.{suffix}" for name in drawn for suffix in ("png", "pgm", "yaml")),
         "posegraphs/slamstitch-before.g2o", "posegraphs/slamstitch-after.g2o",
@@ -210,7 +210,7 @@ def test_a_run_that_dies_leaves_nothing_and_the_one_before_it(
     fault, stage, command, drive, tmp_path, monkeypatch
 ):
     from scenarios import methods
-    from scenarios.run_folder import maps
+    from scenarios.run_folder import write
 
     def die(*_):
         raise fault
@@ -229,7 +229,7 @@ def test_a_run_that_dies_leaves_nothing_and_the_one_before_it(
     if stage == "method":
         monkeypatch.setitem(methods.METHODS, "ins", die)
     else:
-        monkeypatch.setattr(maps, "write", die)
+        monkeypatch.setattr(write, "write_submaps", die)
     attempt(tmp_path / "new" / "runs")
     attempt(tmp_path / "old")
     assert not (tmp_path / "new").exists()

@@ -5,19 +5,24 @@ from __future__ import annotations
 import importlib.util
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from scenarios.methods import METHODS
+from scenarios.methods.config import MethodConfig
 from scenarios.report import __main__ as report
-from scenarios.report import album, stitching, view
-from scenarios.run_folder.reading import read
+from scenarios.report import figures, view
+from scenarios.report.alignment_evidence import AlignedPair
+from scenarios.run_folder.arrays import write_submaps
+from scenarios.run_folder.read import read_run
 from slam.cli import InputError
 from slam.formats import load
 
 
-def test_what_was_written_is_read(done, drive):
-    recording, estimates, metrics = read(done.folder)
+def test_what_was_written_is_read_run(done, drive):
+    recording, estimates, metrics = read_run(done.folder)
     np.testing.assert_array_equal(recording.ranges, load(drive).ranges)
     told = json.loads((done.folder / "metrics.json").read_text())
     assert [metric.to_json() for metric in metrics] == told["metrics"]
@@ -36,27 +41,66 @@ def test_what_was_written_is_read(done, drive):
         assert accepted == [story["accepted"] for story in stories.get(method, [])]
 
 
-def test_submaps_are_cut_again_where_they_were(done):
-    _, estimates, _ = read(done.folder)
-    for estimate in estimates:
-        for submap in estimate.submaps:
-            np.testing.assert_allclose(submap.anchor, estimate.track.poses[submap.start])
-            assert len(submap.grid.occupied_points()) > 10
+def arrays_of(submap):
+    """Every array of a submap, of its points and of its grid."""
+    parts = vars(submap) | {f"points.{k}": v for k, v in vars(submap.points).items()}
+    parts |= {f"grid.{k}": v for k, v in vars(submap.grid).items()}
+    return {k: v for k, v in parts.items() if k not in ("points", "grid")}
+
+
+@pytest.mark.parametrize("method", ["htms", "slamstitch", "slamstitch_online"])
+def test_submaps_are_read_back_as_they_were_in_memory(method, done, drive, tmp_path):
+    estimate = METHODS[method](load(drive), MethodConfig())
+    assert len(estimate.submaps) >= 1
+    folder = done.folder
+    if method == "slamstitch_online":  # the run of the fixture is offline
+        folder = tmp_path
+        for path in done.folder.iterdir():
+            (folder / path.name).symlink_to(path)
+        (folder / "submaps.npz").unlink()
+        write_submaps(folder / "submaps.npz", [replace(estimate, method="slamstitch")])
+        method = "slamstitch"
+    _, estimates, _ = read_run(folder)
+    (read,) = (e.submaps for e in estimates if e.method == method)
+    assert len(read) == len(estimate.submaps)
+    for stored, submap in zip(read, estimate.submaps, strict=True):
+        expected = arrays_of(submap)
+        for name, value in arrays_of(stored).items():
+            assert np.asarray(value).dtype == np.asarray(expected[name]).dtype, name
+            np.testing.assert_array_equal(value, expected[name], err_msg=name)
+
+
+def test_a_run_without_stored_submaps_is_refused_but_can_be_compared(done, tmp_path, monkeypatch, capsys):
+    for path in done.folder.iterdir():
+        if path.name != "submaps.npz":
+            (tmp_path / path.name).symlink_to(path)
+    monkeypatch.setattr(sys, "argv", ["report", "album", str(tmp_path)])
+    assert report.main(report.Options, report.COMMAND, report.run) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{tmp_path}: a run of an older version, without submaps.npz: make it again" in line
+    monkeypatch.setattr(sys, "argv", ["report", str(tmp_path)])
+    assert report.main(report.Options, report.COMMAND, report.run) == 0
+    assert "ate_rmse" in capsys.readouterr().out
 
 
 def test_the_album_has_a_figure_of_every_stitch(done, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(album, "write", lambda into, plates: drawn.extend((into, p.name) for p in plates))
-    monkeypatch.setattr(album.Drawing, "plate", lambda drawing: drawing)
-    assert album.run([done.folder], tmp_path) == str(tmp_path / "drive-seed0")
-    _, estimates, _ = read(done.folder)
+    monkeypatch.setattr(
+        figures, "write_figures", lambda folder, some: drawn.extend((folder, f.name) for f in some)
+    )
+    monkeypatch.setattr(figures.FigureSpec, "render", lambda spec: spec)
+    assert figures.run([done.folder], tmp_path) == str(tmp_path / "drive-seed0")
+    _, estimates, _ = read_run(done.folder)
     stitches = {
-        f"stitch-{e.method}-{t.a}-{t.b}" for e in estimates for t in e.stitches if stitching.drawable(e, t)
+        f"stitch-{e.method}-{s.a}-{s.b}"
+        for e in estimates
+        for s in e.stitches
+        if AlignedPair.of(e, s).complete
     }
     names = [name for _, name in drawn]
     assert len(names) == len(set(names))
     assert stitches | {"maps", "trajectories"} <= set(names)
-    assert {into for into, _ in drawn} == {tmp_path / "drive-seed0"}
+    assert {folder for folder, _ in drawn} == {tmp_path / "drive-seed0"}
 
 
 def test_a_run_opens_in_rerun(done, tmp_path):
@@ -98,6 +142,7 @@ def test_a_run_is_viewed_when_it_is_done(command, drive, tmp_path, monkeypatch):
         (None, None, "expected the folder of a run, with metrics.json"),
         ("stitches.json", "[", "stitches.json: expected JSON of a run"),
         ("tracks.npz", "", "cannot be read as a run"),
+        ("submaps.npz", "", "cannot be read as a run"),
         ("recording.npz", "", "cannot be read as a run"),
     ],
 )
@@ -108,4 +153,4 @@ def test_a_damaged_folder_is_bad_input(name, content, complaint, done, tmp_path)
         (tmp_path / name).unlink()
         (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=complaint):
-        read(tmp_path)
+        read_run(tmp_path)

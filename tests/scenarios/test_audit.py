@@ -1,4 +1,4 @@
-"""The audit of published patches: on patches made here, and on the report's own."""
+"""The audit of published patches: on patches made here, and on those of the thesis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenarios.report import __main__ as command
-from scenarios.report.audit import FILE, Patches, audit, interchanged, read, run
+from scenarios.report.audit import FILE, Patches, audit, read, run
 from slam import se2
 from slam.cli import InputError
 
@@ -30,7 +30,7 @@ def patches(lost: set[int], unmatched: set[int], n: int = 40) -> Patches:
 
 
 def written(folder: Path, some: Patches) -> Path:
-    """As the report publishes them: millimetres, a list without brackets, a comma behind every patch."""
+    """As the thesis publishes them: millimetres, a list without brackets, a comma behind every patch."""
     records = []
     for k in range(len(some.matches)):
         poses = {}
@@ -63,7 +63,7 @@ def test_failures_as_zero_variance_become_the_most_certain() -> None:
     assert found.as_lost["matches and trace"] == pytest.approx(-1.0)
     assert found.as_zero["matches and trace"] > -0.8
     assert found.as_zero["trace and det"] == found.as_lost["trace and det"] == pytest.approx(1.0)
-    assert interchanged(found) is None
+    assert found.labels_swapped is None
 
 
 def test_patches_are_read_as_published(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_patches_are_read_as_published(tmp_path: Path) -> None:
     out = tmp_path / "audit.txt"
     told = run([tmp_path], out)
     assert "1 of 39 steps" in told
-    assert "not the patches whose correlations the report prints" in told
+    assert "not the patches whose correlations the thesis prints" in told
     assert out.read_text() == told + "\n"
 
 
@@ -94,12 +94,12 @@ def test_nothing_to_tell_apart_is_told_of() -> None:
         audit(patches(lost=set(), unmatched=set()))
 
 
-def test_the_reports_correlations_and_what_the_truth_says(shared_data: Path) -> None:
+def test_the_correlations_of_the_thesis_and_what_the_truth_says(shared_data: Path) -> None:
     found = audit(read(shared_data / "usarsim/iro2012-pre2" / FILE))
     pairs = ("trace and det", "matches and det", "matches and trace")
     assert [round(found.as_zero[pair], 3) for pair in pairs] == [0.851, -0.481, -0.498]
     assert [round(found.as_lost[pair], 3) for pair in pairs] == [0.851, -0.665, -0.682]
-    assert interchanged(found) is True
+    assert found.labels_swapped is True
     assert (found.steps, found.lost) == (181, 17)
     assert [round(score.auc, 3) for score in found.scores.values()] == [0.951, 0.945, 0.965]
     assert [round(score.ap, 3) for score in found.scores.values()] == [0.855, 0.816, 0.836]
@@ -109,7 +109,7 @@ def test_the_reports_correlations_and_what_the_truth_says(shared_data: Path) -> 
 
 def test_the_other_log_is_not_the_printed_one(shared_data: Path) -> None:
     found = audit(read(shared_data / "usarsim/smoke-results" / FILE))
-    assert interchanged(found) is None
+    assert found.labels_swapped is None
     assert (found.steps, found.lost) == (1001, 111)
 
 

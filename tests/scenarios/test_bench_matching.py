@@ -289,9 +289,9 @@ def test_ellipses_hold_95_percent():
     covariance = np.diag([4.0, 1.0, 1.0])
     errors = rng.multivariate_normal(np.zeros(3), covariance, 2000)
     found = calibration.Trials((), errors, np.broadcast_to(covariance, (2000, 3, 3)))
-    assert corridor.held(found) == pytest.approx(0.95, abs=0.015)
+    assert corridor.coverage(found) == pytest.approx(0.95, abs=0.015)
     x, y = corridor.ellipse(covariance[:2, :2])
-    np.testing.assert_allclose(x**2 / 4.0 + y**2, corridor.CHI2_95)
+    np.testing.assert_allclose(x**2 / 4.0 + y**2, corridor.CHI2_2_95)
 
 
 def test_answers_of_ours_are_matches(built):

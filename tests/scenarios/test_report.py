@@ -1,5 +1,4 @@
 import html.parser
-import io
 import json
 import re
 from dataclasses import replace
@@ -9,13 +8,14 @@ import pytest
 
 from scenarios.evaluation import cost, evaluate
 from scenarios.evaluation.metric import Metric, measured, missing
-from scenarios.report import figures
-from scenarios.report.album import drawings, titles
+from scenarios.report.figures import figure_titles, run_specs
+from scenarios.report.metrics_table import tabulate
 from scenarios.report.page import render
 from scenarios.report.style import panels, png
-from scenarios.report.table import print_table, tabulate, to_rich
+from scenarios.report.trajectory_figures import draw_confidence, draw_maps, draw_trajectories
 from scenarios.report.verdict import scores, verdict
 from scenarios.stages import Cost
+from slam.colours import BLACK, BLUE, ORANGE, VERMILLION
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
 from slam.odometry.track import Track
@@ -149,11 +149,7 @@ def test_a_metric_without_a_definition_is_still_shown():
 
 
 def test_console_table_shows_markup_as_text():
-    from rich.console import Console
-
-    console = Console(width=100, record=True, file=io.StringIO())
-    console.print(to_rich(tabulate(measured("[red]x[/red]", {"ate_rmse": 0.25})), "run [bold]"))
-    text = console.export_text()
+    text = tabulate(measured("[red]x[/red]", {"ate_rmse": 0.25})).to_table("run [bold]").console()
     assert "[red]x[/red]" in text
     assert "run [bold]" in text
     assert re.search(r"ate_rmse ↓ +m +0\.250", text)
@@ -164,7 +160,7 @@ def test_no_number_is_cut_short_however_narrow_the_console(columns, monkeypatch,
     monkeypatch.setenv("COLUMNS", columns)
     methods = [f"method{i} (published)" for i in range(8)]
     values = {"relation_clear_trans_mean": 1234.5678, "peak_mb": 98765.0}
-    print_table(tabulate([m for method in methods for m in measured(method, values)]), "title")
+    tabulate([m for method in methods for m in measured(method, values)]).to_table("title").print()
     printed = capsys.readouterr().out
     assert printed.count(" 1235 ") == 8
     assert printed.count("98765") == 8
@@ -239,22 +235,22 @@ def test_every_metric_stands_under_a_heading():
     assert [row.name for row in kinds["map"]] == ["map_f1", "map_iou", "map_chamfer"]
 
 
-def plates(recording, estimates, metrics):
-    return [drawing.plate() for drawing in drawings(recording, estimates, metrics)[:2]]
+def rendered(recording, estimates, metrics):
+    return [spec.render() for spec in run_specs(recording, estimates, metrics)[:2]]
 
 
 def test_page_is_one_file_with_every_figure_described(recording, estimates):
     metrics = evaluate(recording, estimates) + cost("ins", 1.0, N, None)
     run = {"command": "python -m scenarios.run drive", "seed": 0}
-    drawn = plates(recording, estimates, metrics)
+    drawn = rendered(recording, estimates, metrics)
     text = render(recording, estimates, metrics, run, drawn, stages={"ins": Cost(1.25, None)})
     page = Page(text)
     images = page.all("img")
     assert len(images) == 2
-    for image, plate in zip(images, drawn, strict=True):
+    for image, figure in zip(images, drawn, strict=True):
         assert image["src"].startswith("data:image/png;base64,")
         assert len(image["alt"]) > 20
-        assert (int(image["width"]), int(image["height"])) == plate.size
+        assert (int(image["width"]), int(image["height"])) == figure.size
     addresses = [attrs[name] for _, attrs in page.tags for name in ("src", "href") if name in attrs]
     assert all(address.startswith(("data:", "#")) for address in addresses)
     assert "url(" not in text[: text.index("</style>")]
@@ -283,7 +279,7 @@ def test_everything_from_outside_is_escaped(recording, estimates):
     estimates = [replace(estimates[0], method=attack)]
     metrics = [*measured(attack, {"ate_rmse": 1.0}), *missing("b", ("ate_rmse",), f'"{attack}')]
     run = {"command": attack, attack: {attack: attack}}
-    page = Page(render(recording, estimates, metrics, run, plates(recording, estimates, metrics)))
+    page = Page(render(recording, estimates, metrics, run, rendered(recording, estimates, metrics)))
     assert [tag.get("type") for tag in page.all("script")] == ["application/json", None]
     assert page.text.count(attack) >= 6
     assert json.loads(page.scripts[0])["methods"][0]["name"] == attack
@@ -297,7 +293,7 @@ def test_page_without_truth_still_shows_the_maps(recording, estimates):
     assert told["drive"]["truth"] is None
     assert all(method["map"] for method in told["methods"])
     assert "the recording has no truth" in page.text
-    assert all("over truth" not in drawing.alt for drawing in drawings(blind, estimates, []))
+    assert all("over truth" not in spec.alt for spec in run_specs(blind, estimates, []))
 
 
 def test_page_of_a_single_scan(recording):
@@ -319,21 +315,21 @@ def test_page_of_nothing_at_all(recording):
 
 
 def test_map_figure_tells_found_wrong_and_missed_walls_apart(recording, estimates):
-    figure = figures.maps(recording, estimates, {"ins": "ins", "slamstitch": "slamstitch"})
+    figure = draw_maps(recording, estimates, {"ins": "ins", "slamstitch": "slamstitch"})
     bent, exact = ({line.get_color(): len(line.get_xdata()) for line in ax.get_lines()} for ax in figure.axes)
     assert min(bent.values()) > 0
-    assert exact[figures.BLUE] == exact[figures.ORANGE] == 0
-    assert exact[figures.BLACK] > 0
+    assert exact[BLUE] == exact[ORANGE] == 0
+    assert exact[BLACK] > 0
 
 
 def test_titles_carry_the_score(recording, estimates):
     metrics = [*measured("ins", {"ate_rmse": 0.25}), *missing("slamstitch", ("ate_rmse",), "why")]
-    assert titles(estimates, metrics) == {"ins": "ins\nATE 0.250 m", "slamstitch": "slamstitch"}
+    assert figure_titles(estimates, metrics) == {"ins": "ins\nATE 0.250 m", "slamstitch": "slamstitch"}
 
 
 def test_titles_are_not_mathematics(recording, estimates):
     named = [replace(estimates[0], method="$a_{$")]
-    assert png(figures.trajectories(recording, named, {"$a_{$": "$a_{$"}), dpi=40)
+    assert png(draw_trajectories(recording, named, {"$a_{$": "$a_{$"}), dpi=40)
 
 
 def shaded(ax):
@@ -343,12 +339,12 @@ def shaded(ax):
 
 
 def test_confidence_marks_lost_steps_and_cuts(estimates):
-    figure = figures.confidence(estimates[1])
+    figure = draw_confidence(estimates[1])
     assert len(figure.axes) == 3
     for ax in figure.axes:
         line, dots = ax.get_lines()
         assert dots.get_xdata().tolist() == [10, 20]  # 21 was not tried
-        assert dots.get_color() == figures.VERMILLION
+        assert dots.get_color() == VERMILLION
         assert set(line.get_xdata().tolist()) == set(range(N)) - set(range(1, N, 4))
         assert shaded(ax) == [(19.5, 21.5)]
         assert not line.get_markevery().any()
@@ -359,18 +355,18 @@ def test_confidence_marks_lost_steps_and_cuts(estimates):
 
 def test_segments_that_touch_are_no_cut(estimates):
     divided = replace(estimates[1], submaps=(submap(0, 20), submap(20, 30), submap(33, N)))
-    for ax in figures.confidence(divided).axes:
+    for ax in draw_confidence(divided).axes:
         assert shaded(ax) == [(29.5, 32.5)]
 
 
 def test_confidence_of_a_drive_without_any_match(estimates):
     lost = replace(estimates[1], track=track(np.zeros(N, dtype=int)))
-    assert png(figures.confidence(lost), dpi=40)
+    assert png(draw_confidence(lost), dpi=40)
 
 
 def test_confidence_needs_a_track(estimates):
     with pytest.raises(ValueError, match="ins has no track"):
-        figures.confidence(estimates[0])
+        draw_confidence(estimates[0])
 
 
 @pytest.mark.parametrize("count", range(1, 9))

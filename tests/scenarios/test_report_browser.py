@@ -16,7 +16,7 @@ import pytest
 
 from scenarios.evaluation import evaluate
 from scenarios.report import compare
-from scenarios.report.album import drawings
+from scenarios.report.figures import run_specs
 from scenarios.report.page import render
 from sim.floorplan import box, wall
 from sim.record import Setup, SimulatedRun, simulate
@@ -65,9 +65,9 @@ class Made:
 
     def page(self, simulated: SimulatedRun | None = None) -> str:
         metrics = evaluate(self.recording, self.estimates)
-        plates = [drawing.plate() for drawing in drawings(self.recording, self.estimates, metrics)[:1]]
+        figures = [spec.render() for spec in run_specs(self.recording, self.estimates, metrics)[:1]]
         run = {"command": "python -m scenarios.run room", "seed": 0}
-        return render(self.recording, self.estimates, metrics, run, plates, simulated)
+        return render(self.recording, self.estimates, metrics, run, figures, simulated)
 
 
 @pytest.fixture(scope="module")

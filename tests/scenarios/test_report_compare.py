@@ -11,10 +11,8 @@ import pytest
 
 from scenarios.report import __main__ as command
 from scenarios.report import compare
-from scenarios.report.comparing.comparison import comparisons
-from scenarios.report.comparing.drives import gathered
-from scenarios.report.comparing.strip import strip
-from scenarios.report.comparing.words import printed
+from scenarios.report.comparison import collect_results, compare_metrics
+from scenarios.report.strip_plot import strip_plot
 from slam.cli import InputError
 
 
@@ -50,7 +48,7 @@ def report(capsys: pytest.CaptureFixture[str], *words: object, **options: object
 
 
 def test_medians_worst_cases_and_the_best(runs):
-    by_name = {c.name: c for c in comparisons(gathered(sorted(runs.iterdir())))}
+    by_name = {c.name: c for c in compare_metrics(collect_results(sorted(runs.iterdir())))}
     assert list(by_name) == ["ate_rmse", "map_f1"]
     rows = dict(by_name["ate_rmse"].rows)
     assert list(rows) == ["a_b", "other", "all"]
@@ -58,7 +56,7 @@ def test_medians_worst_cases_and_the_best(runs):
     assert (mine.median, mine.worst[1], mine.worst[0].seed, mine.best) == (0.2, 0.4, 1, True)
     assert (ins.median, ins.best) == (1.0, False)
     assert rows["other"][1].median is None
-    assert (rows["all"][0].median, len(rows["all"][0].drives)) == (1.0, 4)
+    assert (rows["all"][0].median, len(rows["all"][0].results)) == (1.0, 4)
     ins, mine = by_name["map_f1"].rows[2][1]
     assert (mine.best, ins.best) == (True, False)  # more is better there
 
@@ -68,10 +66,10 @@ def test_it_is_printed_in_every_form(runs, capsys):
     table = report(capsys, *words)
     assert re.search(r"a_b +1 / 1 +0\.200 / 0\.400", table)
     markdown = report(capsys, *words, format="markdown")
-    assert "| a\\_b | 1 / 1 | **0.200** / 0.400 |" in markdown
+    assert "| a\\_b | 1 / 1 | **0.200 / 0.400** |" in markdown
     assert "| other | 0.500 | – |" in markdown
     latex = report(capsys, *words, format="latex")
-    assert r"a\_b & 1 / 1 & \textbf{0.200} / 0.400 \\" in latex
+    assert r"a\_b & 1 / 1 & \textbf{0.200 / 0.400} \\" in latex
     assert r"ate\_rmse [m] $\downarrow$" in latex
     assert "–" not in latex
     told = json.loads(report(capsys, *words, format="json"))["comparisons"]
@@ -82,9 +80,11 @@ def test_it_is_printed_in_every_form(runs, capsys):
 def test_what_would_break_a_table_is_escaped(tmp_path):
     attack = "a|b_{$%&~^\\"
     a_run(tmp_path, "s", 0, {attack: {"ate_rmse": 1.0}})
-    found = comparisons(gathered([tmp_path / "s-seed0"]))
-    assert "a\\|b\\_{$%&~^\\\\" in printed(found, "markdown")
-    assert r"a|b\_\{\$\%\&\textasciitilde{}\textasciicircum{}\textbackslash{}" in printed(found, "latex")
+    found = compare_metrics(collect_results([tmp_path / "s-seed0"]))
+    assert "a\\|b\\_{$%&~^\\\\" in compare.to_text(found, "markdown")
+    assert r"a|b\_\{\$\%\&\textasciitilde{}\textasciicircum{}\textbackslash{}" in compare.to_text(
+        found, "latex"
+    )
 
 
 def test_the_page_links_the_worst_drive_from_where_it_lies(runs, tmp_path):
@@ -113,26 +113,26 @@ def test_sweeps_are_read_too(tmp_path):
         rows = csv.writer(file)
         rows.writerow(["scenario", "seed", "method", "seconds", "error", "ate_rmse", "nees_last"])
         rows.writerows([["s", 0, "m", 1.0, "", 0.25, 3.0], ["s", 1, "m", 1.0, "it failed", "", ""]])
-    drives = gathered([tmp_path])
-    assert [(d.seed, d.values, d.page) for d in drives] == [(0, {"ate_rmse": 0.25}, None), (1, {}, None)]
-    (found,) = comparisons(drives)
-    assert len(found.rows[0][1][0].drives) == 1
+    results = collect_results([tmp_path])
+    assert [(r.seed, r.values, r.page) for r in results] == [(0, {"ate_rmse": 0.25}, None), (1, {}, None)]
+    (found,) = compare_metrics(results)
+    assert len(found.rows[0][1][0].results) == 1
 
 
 def test_two_answers_to_one_drive_are_told_apart(tmp_path):
     for version, error in (("old", 0.5), ("new", 0.25)):
         a_run(tmp_path / version, "s", 0, {"m": {"ate_rmse": error}})
-    drives = gathered([tmp_path / "old" / "s-seed0", tmp_path / "new" / "s-seed0"])
-    assert [drive.method for drive in drives] == ["m (old)", "m (new)"]
+    results = collect_results([tmp_path / "old" / "s-seed0", tmp_path / "new" / "s-seed0"])
+    assert [result.method for result in results] == ["m (old)", "m (new)"]
 
 
 def test_a_run_is_counted_once_though_a_link_leads_there(runs):
-    assert len(gathered(sorted(runs.iterdir()))) == 2 * 4
+    assert len(collect_results(sorted(runs.iterdir()))) == 2 * 4
 
 
 def test_the_strip_lies_within_its_axis(runs):
-    for comparison in comparisons(gathered(sorted(runs.iterdir()))):
-        picture = strip(comparison, lambda drive: None)
+    for comparison in compare_metrics(collect_results(sorted(runs.iterdir()))):
+        picture = strip_plot(comparison, lambda result: None)
         ends = [x for _, x in picture.ticks]
         assert len(picture.ticks) >= 2
         assert all(ends[0] <= dot.x <= ends[-1] for dot in picture.dots)
@@ -143,8 +143,8 @@ def test_the_strip_lies_within_its_axis(runs):
 def test_errors_of_many_sizes_are_shown_on_a_logarithmic_axis(tmp_path):
     for seed, error in enumerate((0.02, 3.0)):
         a_run(tmp_path, "s", seed, {"m": {"ate_rmse": error}})
-    (comparison,) = comparisons(gathered(sorted(tmp_path.iterdir())))
-    picture = strip(comparison, lambda drive: None)
+    (comparison,) = compare_metrics(collect_results(sorted(tmp_path.iterdir())))
+    picture = strip_plot(comparison, lambda result: None)
     assert [words for words, _ in picture.ticks] == ["0.01", "0.1", "1", "10"]
 
 
@@ -162,7 +162,7 @@ def test_errors_of_many_sizes_are_shown_on_a_logarithmic_axis(tmp_path):
 def test_what_is_no_run_is_refused_in_a_line(name, content, complaint, tmp_path):
     (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=re.escape(complaint)):
-        gathered([tmp_path])
+        collect_results([tmp_path])
 
 
 def test_old_pages_among_the_runs_are_passed_over(runs, capsys):

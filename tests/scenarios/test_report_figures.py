@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.report import spread, stitching, tiles
-from scenarios.report.album import Drawing, drawings, false_stitches, write
-from scenarios.report.shapes import drawn, points_on, rooms
-from scenarios.report.style import BLACK, BLUE, ORANGE, VERMILLION
+from scenarios.report import stitch_figures
+from scenarios.report.alignment_evidence import AlignedPair
+from scenarios.report.figures import FigureSpec, false_stitches, run_specs, write_figures
+from scenarios.report.shapes import points_on, rasterise_points, rooms
+from scenarios.report.trajectory_figures import draw_uncertainty
 from slam import se2
+from slam.colours import BLACK, BLUE, ORANGE, VERMILLION
 from slam.recording import Laser, Recording
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Alternative, NoStitch, Stitch
@@ -25,7 +27,7 @@ N = 30
 @pytest.fixture(scope="module")
 def estimate() -> Estimate:
     """Two submaps of the same rooms, the second seen from ``T``; of its stitches the second is false."""
-    a, b = drawn(WALLS), drawn(se2.transform(se2.inverse(T), WALLS))
+    a, b = rasterise_points(WALLS), rasterise_points(se2.transform(se2.inverse(T), WALLS))
     poses = np.zeros((N, 3))
     poses[5:] = T
     poses[:, 0] += 0.1 * np.arange(N)
@@ -51,21 +53,24 @@ def recording(estimate) -> Recording:
 
 def test_walls_of_both_pieces_are_told_apart():
     a, b = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[0.1, 0.1], [3.0, 0.0], [1.2, 0.0]])
-    assert tiles.in_both(a, b).tolist() == [True, False, False]
-    assert tiles.in_both(np.zeros((0, 2)), b).tolist() == [False] * 3
-    layers = {colour: points.tolist() for points, colour in tiles.pair("t", a, b).layers}
+    assert stitch_figures.in_both(a, b).tolist() == [True, False, False]
+    assert stitch_figures.in_both(np.zeros((0, 2)), b).tolist() == [False] * 3
+    layers = {colour: points.tolist() for points, colour, _ in stitch_figures.pair_layers(a, b)}
     assert layers == {BLUE: a.tolist(), ORANGE: [[3.0, 0.0], [1.2, 0.0]], BLACK: [[0.1, 0.1]]}
 
 
 def test_a_sheet_has_a_title_for_every_tile_and_keeps_north_up():
     corner = np.array([[0.0, 0.0], [0.0, 4.0]])
-    figure = tiles.sheet([tiles.Tile(f"tile {k}", ((corner, BLACK),)) for k in range(tiles.MOST + 3)])
+    tiles = [
+        stitch_figures.Tile(f"tile {k}", ((corner, BLACK),)) for k in range(stitch_figures.MAX_TILES + 3)
+    ]
+    figure = stitch_figures.draw_sheet(tiles)
     (ax,) = figure.axes
     titles = [text.get_text() for text in ax.texts]
     assert titles[0] == "tile 0, 4 m"
     assert titles[-1] == "and 3 more"
     low, high = ax.collections[0].get_offsets()[:2]
-    assert high[1] - low[1] == pytest.approx(tiles.MAP)
+    assert high[1] - low[1] == pytest.approx(stitch_figures.MAP_SHARE)
     assert not ax.yaxis_inverted()
 
 
@@ -73,35 +78,35 @@ def test_steps_are_the_accepted_stitches_and_false_ones_are_red(estimate):
     false = false_stitches(estimate, estimate.poses)
     assert false == {1}
     assert false_stitches(estimate, None) == frozenset()
-    (ax,) = stitching.steps(estimate, false).axes
+    (ax,) = stitch_figures.draw_accepted_stitches(estimate, false).axes
     assert [text.get_color() for text in ax.texts] == [BLACK, VERMILLION]
 
 
 def test_a_stitch_is_drawn_with_its_evidence(estimate):
-    drawable = [stitching.drawable(estimate, tried) for tried in estimate.stitches]
+    drawable = [AlignedPair.of(estimate, stitch).complete for stitch in estimate.stitches]
     assert drawable == [True, True, True, False]
-    figure = stitching.one(estimate, estimate.stitches[0], AlignConfig())
+    figure = stitch_figures.draw_stitch(estimate, estimate.stitches[0], AlignConfig())
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert {"before", "after", "Hough spectra [°]", "X spectra [m]", "score within 2 m"} <= set(titles)
     with pytest.raises(ValueError, match="stitch 0-1 of m has no alignment to draw"):
-        stitching.one(estimate, estimate.stitches[3], AlignConfig())
+        stitch_figures.draw_stitch(estimate, estimate.stitches[3], AlignConfig())
 
 
 def test_uncertainty_is_drawn_ten_times_as_large(estimate, recording):
-    figure = spread.uncertainty(recording, [Estimate("ins", estimate.poses), estimate], {"m": "m"})
+    figure = draw_uncertainty(recording, [Estimate("ins", estimate.poses), estimate], {"m": "m"})
     (ax,) = figure.axes
     outline = ax.collections[0].get_paths()[0].vertices
     assert np.ptp(outline[:, 0]) == pytest.approx(20.0 * np.sqrt(5.991e-2), rel=1e-2)
 
 
-def test_an_album_s_names_are_plain_and_its_pictures_are_drawn_when_asked(estimate, recording, tmp_path):
+def test_figures_have_plain_names_and_are_drawn_when_rendered(estimate, recording, tmp_path):
     named = replace(estimate, method="a/b")
-    found = drawings(recording, [named], [])
-    assert [drawing.name for drawing in found] == [
+    specs = run_specs(recording, [named], [])
+    assert [spec.name for spec in specs] == [
         "maps", "trajectories", "submaps-a_b", "steps-a_b", "stitch-a_b-0-1",
     ]  # fmt: skip
-    plate = Drawing("p", found[1].draw, "alt", "caption").plate()
-    write(tmp_path / "new", [plate])
+    figure = FigureSpec("p", specs[1].draw, "alt", "caption").render()
+    write_figures(tmp_path / "new", [figure])
     assert (tmp_path / "new" / "p.png").read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / "new" / "p.pdf").read_bytes()[:5] == b"%PDF-"
-    assert plate.size == (1320, plate.size[1])
+    assert figure.size == (1320, figure.size[1])

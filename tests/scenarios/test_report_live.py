@@ -1,4 +1,4 @@
-"""What the live map is told."""
+"""The content of the live map."""
 
 from __future__ import annotations
 
@@ -11,18 +11,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.report.cuts import cuts
-from scenarios.report.evidence import RESOLUTION, Walls, axes, rotation_correlation, surface
-from scenarios.report.live.drive import drive
-from scenarios.report.live.fit import LAST, fitting
-from scenarios.report.live.packed import GAPS, bits, packed
-from scenarios.report.live.run import script_safe, told
-from scenarios.report.live.shown import MOST_SCANS, Shown
-from scenarios.report.live.stitches import stitches
-from scenarios.report.live.surroundings import map_image
-from scenarios.report.pieces import merged
-from scenarios.report.shapes import drawn, points_on, rooms
-from scenarios.report.spread import ellipses, in_axes
+from scenarios.report.alignment_evidence import (
+    RESOLUTION,
+    Walls,
+    axis_spectra,
+    merged_walls,
+    rotation_correlation,
+    score_surface,
+)
+from scenarios.report.live.content import (
+    MAX_SCANS,
+    DownsampledDrive,
+    drive_content,
+    live_content,
+    map_image,
+    script_safe,
+)
+from scenarios.report.live.encode import GAPS, pack, pack_bits
+from scenarios.report.live.scan_fit import MEMORY, fitting_beams
+from scenarios.report.live.stitches import stitch_entries
+from scenarios.report.shapes import points_on, rasterise_points, rooms
+from scenarios.report.trajectory_figures import ellipses, segment_gaps, to_map_axes
 from slam import se2
 from slam.mapping.occupancy import Grid
 from slam.recording import Laser, Recording
@@ -42,19 +51,19 @@ def unpacked(told: dict) -> np.ndarray:
 @pytest.mark.parametrize(("kind", "scale"), [("f4", 1.0), ("i2", 0.01), ("u2", 0.005), ("u1", 1 / 254)])
 def test_packed_numbers_come_back_to_the_rounding(kind, scale):
     values = np.array([0.0, 0.25, 0.5, 1.0, np.nan])
-    np.testing.assert_allclose(unpacked(packed(values, kind, scale)), values, atol=0.5 * scale)
+    np.testing.assert_allclose(unpacked(pack(values, kind, scale)), values, atol=0.5 * scale)
 
 
 def test_what_is_too_large_is_cut_off_and_infinity_is_nothing():
-    assert unpacked(packed([1e9, -1e9, np.inf], "i2", 0.01))[:2].tolist() == [327.67, -327.67]
-    assert np.isnan(unpacked(packed([np.inf], "u2")))[0]
-    assert unpacked(packed([1e9, -5.0], "u1")).tolist() == [254.0, 0.0]
+    assert unpacked(pack([1e9, -1e9, np.inf], "i2", 0.01))[:2].tolist() == [327.67, -327.67]
+    assert np.isnan(unpacked(pack([np.inf], "u2")))[0]
+    assert unpacked(pack([1e9, -5.0], "u1")).tolist() == [254.0, 0.0]
 
 
 @given(st.integers(1, 5), st.integers(1, 40), st.randoms())
 def test_bits_are_read_from_the_highest_of_each_row(rows, columns, random):
     flags = np.array([[random.random() < 0.5 for _ in range(columns)] for _ in range(rows)])
-    content = bits(flags)
+    content = pack_bits(flags)
     data = base64.b64decode(content["data"])
     for row in range(rows):
         for column in range(columns):
@@ -82,7 +91,7 @@ def recording() -> Recording:
 
 
 def test_beams_fit_what_was_seen_before(recording):
-    fits = fitting(recording, recording.truth, np.array([0, 5, 10]))
+    fits = fitting_beams(recording, recording.truth, np.array([0, 5, 10]))
     assert not fits[0].any()  # nothing was seen before the first scan
     assert fits[1, :39].all()
     assert not fits[2, :20].any()
@@ -94,23 +103,23 @@ def test_what_was_seen_long_ago_is_forgotten(recording):
     turned = recording.truth + np.array([0.0, 0.0, 1.0]) * np.arange(20)[:, None]  # each scan is a keyframe
     back = turned.copy()
     back[19] = turned[0]
-    assert len(turned) <= LAST + 1
-    assert fitting(recording, back, np.array([19]))[0, 25:39].all()
+    assert len(turned) <= MEMORY + 1
+    assert fitting_beams(recording, back, np.array([19]))[0, 25:39].all()
     many = replace(
         recording, time=np.arange(60.0), ranges=np.repeat(recording.ranges[:1], 60, 0),
         dead_reckoning=np.zeros((60, 3)), truth=None,
     )  # fmt: skip
     away = np.column_stack([np.zeros(60), 0.5 * np.arange(60), np.zeros(60)])
     away[59] = away[0]
-    assert not fitting(many, away, np.array([59])).any()
+    assert not fitting_beams(many, away, np.array([59])).any()
 
 
 def test_long_drives_are_shown_in_part():
-    n = 2 * MOST_SCANS + 1
+    n = 2 * MAX_SCANS + 1
     still = Recording("r", np.arange(n), np.ones((n, 2)), np.array([0.0, 0.1]), Laser(), np.zeros((n, 3)))
-    shown = Shown.of(still)
+    shown = DownsampledDrive.of(still)
     assert shown.rows.tolist() == list(range(0, n, 3))
-    content = drive(shown, None)
+    content = drive_content(shown, None)
     assert len(unpacked(content["time"])) == len(shown.rows)
     assert len(unpacked(content["ranges"])) == 2 * len(shown.rows)
     assert content["tilt"] is None
@@ -131,10 +140,10 @@ def test_maps_have_north_up_and_lie_in_their_place():
 def test_the_ellipse_holds_95_per_cent_and_lies_along_the_covariance():
     pose = np.array([[1.0, 2.0, np.pi / 2]])
     body = np.diag([4.0, 1.0, 0.1])[None]  # twice as unsure ahead, which is north here
-    (outline,) = ellipses(pose, in_axes(pose, body))
+    (outline,) = ellipses(pose, to_map_axes(pose, body))
     reach = np.abs(outline - pose[0, :2]).max(axis=0)
-    np.testing.assert_allclose(reach, np.sqrt(5.991) * np.array([1.0, 2.0]), rtol=1e-6)
-    (larger,) = ellipses(pose, in_axes(pose, body), 10.0)
+    np.testing.assert_allclose(reach, np.sqrt(5.9915) * np.array([1.0, 2.0]), rtol=1e-5)
+    (larger,) = ellipses(pose, to_map_axes(pose, body), 10.0)
     np.testing.assert_allclose(larger - pose[0, :2], 10.0 * (outline - pose[0, :2]), atol=1e-12)
 
 
@@ -145,7 +154,7 @@ T = np.array([0.6, -0.4, np.radians(30.0)])
 @pytest.fixture(scope="module")
 def estimate() -> Estimate:
     """Two submaps of the same rooms, the second seen from ``T``, and three stitches of them."""
-    a, b = drawn(WALLS), drawn(se2.transform(se2.inverse(T), WALLS))
+    a, b = rasterise_points(WALLS), rasterise_points(se2.transform(se2.inverse(T), WALLS))
     b = replace(b, start=5, stop=9, anchor=np.array([1.0, 0.0, 0.0]))
     right = Stitch(T, 1e-4 * np.eye(3), 3.0, 5.0, 0.9)
     tried = (
@@ -160,13 +169,13 @@ def estimate() -> Estimate:
 
 
 def test_every_stitch_tells_what_became_of_it(estimate):
-    found = stitches(estimate, estimate.poses, AlignConfig())
+    found = stitch_entries(estimate, estimate.poses, AlignConfig())
     assert [one["state"] for one in found] == ["accepted", "false", "rejected", "refused"]
     assert found[1]["error"][0] == pytest.approx(1.0)
     assert found[0]["before"] == [1.0, 0.0, 0.0]
     assert found[3]["reason"] == "no candidate"
     assert "evidence" not in found[3]
-    assert [one["state"] for one in stitches(estimate, None, AlignConfig())] == [
+    assert [one["state"] for one in stitch_entries(estimate, None, AlignConfig())] == [
         "accepted", "accepted", "rejected", "refused",
     ]  # fmt: skip
 
@@ -176,33 +185,33 @@ def test_the_evidence_peaks_at_the_true_alignment(estimate):
     correlation = rotation_correlation(a, b)
     assert correlation.max() == 1.0
     assert correlation[30] > 0.9
-    for axis in axes(a, b, T):
+    for axis in axis_spectra(a, b, T):
         best = axis.first_shift + RESOLUTION * int(np.argmax(axis.correlation))
         assert best == pytest.approx(axis.shift, abs=2 * RESOLUTION)
-    found = surface(a, b, T, AlignConfig())
+    found = score_surface(a, b, T, AlignConfig())
     row, column = np.unravel_index(int(np.argmax(found.agreement)), found.agreement.shape)
     np.testing.assert_allclose(found.translations()[row, column], T[:2], atol=2 * RESOLUTION)
-    assert surface(replace(a, grid=None), b, T, AlignConfig()) is None
+    assert score_surface(replace(a, grid=None), b, T, AlignConfig()) is None
 
 
 def test_a_piece_of_htms_is_shown_with_all_before_it(estimate):
     htms = replace(
         estimate, method="htms", stitches=(*estimate.stitches[:1], LoopCandidate(0, 2, NoStitch("x")))
     )
-    before = merged(htms, 2).points
-    assert len(before) > len(merged(htms, 1).points)
+    before = merged_walls(htms, 2).points
+    assert len(before) > len(merged_walls(htms, 1).points)
     off = np.abs(before[:, None] - WALLS[None, ::5]).sum(axis=2).min(axis=1)
     assert np.quantile(off, 0.95) < 3 * RESOLUTION
 
 
 def test_touching_submaps_are_no_cut(estimate):
     a, b = estimate.submaps
-    assert cuts([a, b]) == [(1, 4)]
-    assert cuts([a, replace(b, start=1)]) == []
-    assert cuts([a]) == []
+    assert segment_gaps([a, b]) == [(1, 4)]
+    assert segment_gaps([a, replace(b, start=1)]) == []
+    assert segment_gaps([a]) == []
 
 
 def test_a_method_that_lost_itself_has_no_map(recording):
     far = recording.truth * 1e9 + np.array([0.0, 1.0, 0.0]) * np.arange(20)[:, None] * 1e6
-    (method,) = told(replace(recording, truth=None), [Estimate("lost", far)], None, None)["methods"]
+    (method,) = live_content(replace(recording, truth=None), [Estimate("lost", far)], None, None)["methods"]
     assert method["map"] is None

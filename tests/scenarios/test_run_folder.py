@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from scenarios.jsonable import jsonable
-from scenarios.run_folder import Run, check, prepare, publish
-from scenarios.run_folder.place import safe
-from scenarios.run_folder.report import page
-from scenarios.run_folder.stitches import segments, stories
+from scenarios.report.page import facts
+from scenarios.run_folder.directory import check, prepare, publish, safe_name
+from scenarios.run_folder.run import Run
+from scenarios.run_folder.write import segments, stitches
 from slam.cli import InputError
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
@@ -44,8 +44,8 @@ ESTIMATE = Estimate(
 )
 
 
-def test_the_story_of_every_stitch_with_its_true_error():
-    good, false, rejected, none = jsonable(stories([ESTIMATE], TRUTH)["m"])
+def test_every_stitch_is_written_with_its_true_error():
+    good, false, rejected, none = jsonable(stitches([ESTIMATE], TRUTH)["m"])
     assert good["error_m"] == pytest.approx(0.1)
     assert (good["accepted"], good["false"]) == (True, False)
     assert false["error_m"] == pytest.approx(0.5)
@@ -58,8 +58,8 @@ def test_the_story_of_every_stitch_with_its_true_error():
     assert "false" not in none
 
 
-def test_without_truth_a_story_has_no_error():
-    assert not any({"error_m", "false"} & set(told) for told in stories([ESTIMATE], None)["m"])
+def test_without_truth_a_stitch_has_no_error():
+    assert not any({"error_m", "false"} & set(entry) for entry in stitches([ESTIMATE], None)["m"])
 
 
 def test_methods_that_do_not_cut_have_no_segments():
@@ -88,7 +88,7 @@ def test_values_become_strict_json():
     ("name", "expected"), [("gmapping (published)", "gmapping_published"), ("../x", "x"), ("..", "unnamed")]
 )
 def test_names_are_plain_file_names(name, expected):
-    assert safe(name) == expected
+    assert safe_name(name) == expected
 
 
 def test_a_folder_appears_whole_under_its_name(tmp_path):
@@ -118,10 +118,9 @@ def test_a_link_to_nowhere_is_no_folder(tmp_path):
         check(tmp_path / "runs", "a")
 
 
-def test_the_page_of_a_log_tells_no_seed():
+def test_a_log_has_no_seed():
     recording = Recording("log", np.arange(4.0), np.full((4, 3), 2.0), np.arange(3.0), Laser(), TRUTH)
     made = dict.fromkeys(("git", "python", "packages", "processor", "cores"), "x")
     run = Run({"command": "the command"}, made, 7, recording, [Estimate("ins", TRUTH)], [])
-    text = page(run, [], {})
-    assert "the command" in text
-    assert "seed" not in text.partition("<body>")[2].partition("<script")[0]
+    assert facts(run)["command"] == "the command"
+    assert "seed" not in facts(run)

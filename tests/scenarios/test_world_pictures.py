@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from scenarios.report import world as pictures
-from scenarios.report.album import drawings
+from scenarios.report.figures import run_specs
+from scenarios.report.world_figures import draw_from_above, draw_from_the_side
 from sim.floorplan import box, wall
 from sim.record import Setup, SimulatedRun, simulate
 from sim.terrain import Terrain
@@ -42,14 +42,14 @@ def test_failures_of_the_matcher_are_marked_where_they_happened(run: SimulatedRu
     tried = np.flatnonzero(found.verdict != 2)
     matches[:] = 50
     matches[tried[[3, 5]]] = 0
-    figure = pictures.from_above(run, Estimate("wsm", found.poses, track=replace(found, matches=matches)))
+    figure = draw_from_above(run, Estimate("wsm", found.poses, track=replace(found, matches=matches)))
     marks = figure.axes[0].collections[-1].get_offsets()
     assert run.recording.truth is not None
     np.testing.assert_allclose(np.asarray(marks), run.recording.truth[tried[[3, 5]], :2])
 
 
 def test_the_path_is_coloured_by_the_true_tilt(run: SimulatedRun) -> None:
-    figure = pictures.from_above(run)
+    figure = draw_from_above(run)
     colours = next(c.get_array() for c in figure.axes[0].collections if c.get_array() is not None)
     assert np.max(colours) == pytest.approx(np.degrees(np.max(np.abs(run.tilt))), rel=0.1)
 
@@ -57,7 +57,7 @@ def test_the_path_is_coloured_by_the_true_tilt(run: SimulatedRun) -> None:
 def test_the_side_view_takes_the_scan_with_the_most_pitch_and_its_beams_end_on_something(
     run: SimulatedRun,
 ) -> None:
-    figure = pictures.from_the_side(run)
+    figure = draw_from_the_side(run)
     scan = int(np.argmax(run.tilt[:, 1]))
     assert f"scan {scan}:" in figure.axes[0].get_title(loc="left")
     hits = next(c for c in figure.axes[0].collections if c.get_label() == "what the beams met").get_offsets()
@@ -68,5 +68,5 @@ def test_the_side_view_takes_the_scan_with_the_most_pitch_and_its_beams_end_on_s
 
 def test_a_log_has_no_world_to_show(run: SimulatedRun) -> None:
     estimates = [Estimate("ins", run.recording.dead_reckoning)]
-    names = [[d.name for d in drawings(run.recording, estimates, [], known)] for known in (None, run)]
+    names = [[d.name for d in run_specs(run.recording, estimates, [], known)] for known in (None, run)]
     assert names == [["maps", "trajectories"], ["maps", "trajectories", "world", "tilt"]]

@@ -11,19 +11,8 @@ from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
 from scenarios.ablate.segmentation.drive import Steps
 from scenarios.ablate.segmentation.scores import ScoredDrive
 from scenarios.evaluation.detection import precision_recall
-from scenarios.report.style import (
-    BLACK,
-    BLUE,
-    FONT,
-    GREY,
-    LEFT,
-    ORANGE,
-    RIGHT,
-    SKY,
-    VERMILLION,
-    WIDTH,
-    grid,
-)  # fmt: skip
+from scenarios.report.style import FONT, LEFT, RIGHT, WIDTH, grid
+from slam.colours import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from slam.odometry.segmentation import THRESHOLDS
 from slam.se2 import Array
 
@@ -32,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-GREEN = "#009E73"
 THESIS = ("trace2", "det2", "neg_matches")
 """The measures of Formsma's thesis."""
 COLOURS = {

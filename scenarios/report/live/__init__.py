@@ -1,1 +1,1 @@
-"""What the live map of the page is told about a run: plain JSON with packed arrays."""
+"""The data of the live map, as the page reads it."""

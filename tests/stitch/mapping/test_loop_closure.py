@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.run_folder.stitches import story
+from scenarios.run_folder.stitches import stitch_to_json
 from slam import se2
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping.occupancy import Grid
@@ -193,7 +193,7 @@ def test_the_story_tells_when_where_and_why() -> None:
     submaps, odometry = ring()
     closed = close_loops(SubmapGraph(submaps, odometry, "odometry", CONFIG), Stitcher([(0, 6)]))
     estimate = Estimate("ours", odometry.poses, submaps=tuple(submaps), stitches=closed.tried)
-    told = [story(estimate, one, None) for one in closed.tried]
+    told = [stitch_to_json(estimate, one, None) for one in closed.tried]
     by_pair = {(one["a"], one["b"]): one for one in told}
     found = by_pair[0, 6]
     assert (found["turn"], found["scan"], found["accepted"], found["weight"]) == (0, 69, True, 1.0)

@@ -6,7 +6,7 @@ const part = (id) => document.getElementById(id);
 function start() {
   themeSwitch(part("theme"));
   part("copy")?.addEventListener("click", () => navigator.clipboard?.writeText(part("command").textContent));
-  if (part("told")) live(readRun());
+  if (part("run-data")) live(readRun());
   document.documentElement.dataset.ready = "true";
 }
 

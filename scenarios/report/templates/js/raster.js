@@ -1,9 +1,9 @@
 // Grey images as canvases in the colours of the theme: 255 a wall, 128 free, 0 unknown; or a field of shades.
 const RasterLayer = L.ImageOverlay.extend({
-  initialize(told, paint, options) {
-    this._told = told;
+  initialize(raster, paint, options) {
+    this._raster = raster;
     this._paint = paint;
-    const [x0, y0, x1, y1] = told.corners;
+    const [x0, y0, x1, y1] = raster.corners;
     L.ImageOverlay.prototype.initialize.call(this, "", [[y0, x0], [y1, x1]], options);
   },
   _initImage() {
@@ -11,7 +11,7 @@ const RasterLayer = L.ImageOverlay.extend({
     L.SVGOverlay.prototype._initImage.call(this);
     const image = new Image();
     image.onload = () => { this._grey = greyOf(image); this.repaint(); };
-    image.src = this._told.image;
+    image.src = this._raster.image;
   },
   repaint() {
     if (!this._grey || !this._image) return;

@@ -1,20 +1,20 @@
-// The run: what the page was told, its arrays decoded when first asked for.
+// The run: the content of the page, its arrays decoded when first asked for.
 function once(make) {
   let made, done = false;
   return () => { if (!done) { made = make(); done = true; } return made; };
 }
 
 function readRun() {
-  const told = JSON.parse(document.getElementById("told").textContent);
-  const drive = told.drive;
+  const content = JSON.parse(document.getElementById("run-data").textContent);
+  const drive = content.drive;
   const truth = numbers(drive.truth);
   return {
-    best: told.best, world: told.world, scans: drive.scans, mount: drive.mount, height: drive.height,
+    best: content.best, world: content.world, scans: drive.scans, mount: drive.mount, height: drive.height,
     rows: numbers(drive.rows), time: numbers(drive.time), angles: numbers(drive.angles),
     ranges: once(() => numbers(drive.ranges)),
     tilt: drive.tilt && { source: drive.tilt.source, angles: numbers(drive.tilt.angles) },
     truth,
-    methods: told.methods.map((method) => readMethod(method, truth)),
+    methods: content.methods.map((method) => readMethod(method, truth)),
   };
 }
 

@@ -1,22 +1,17 @@
-"""One table of metrics, for the console and for the page alike."""
+"""The metrics of a run as a table: rows of metrics, columns of methods, for the console and for the page."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from scenarios.evaluation.definitions import DEFINITIONS
 from scenarios.evaluation.metric import Metric
-
-if TYPE_CHECKING:
-    import rich.table
+from scenarios.report.method_attributes import BASELINE
+from slam.table import ABSENT, Bold, Table, number
 
 ARROWS = {"lower": "↓", "higher": "↑", None: ""}
-ABSENT = "–"
-BASELINE = "ins"
-"""The method that the others are compared with: dead reckoning."""
 KINDS = {
     "trajectory": ("ate", "yaw", "rpe"),
     "relations": ("relation",),
@@ -26,8 +21,6 @@ KINDS = {
     "cost": ("wall", "scans", "peak", "latency"),
 }
 """Headings, and how the names of the metrics under them begin."""
-UNLIMITED = 10_000
-"""More columns than a table needs: the terminal may break its lines."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +47,8 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
-    """Rows of metrics, columns of methods; ``absent`` are the metrics no method has, by the reason why."""
+class MetricsTable:
+    """Rows of metrics, columns of methods; ``absent`` are the metrics that no method has, by the reason."""
 
     methods: tuple[str, ...]
     rows: tuple[Row, ...]
@@ -63,14 +56,28 @@ class Table:
 
     def kinds(self) -> list[tuple[str, list[Row]]]:
         """The rows under the headings of `KINDS`, what is under none of them last."""
-        found: dict[str, list[Row]] = {kind: [] for kind in (*KINDS, "others")}
+        by_kind: dict[str, list[Row]] = {kind: [] for kind in (*KINDS, "others")}
         for row in self.rows:
             start = row.name.partition("_")[0]
-            found[next((kind for kind, starts in KINDS.items() if start in starts), "others")].append(row)
-        return [(kind, rows) for kind, rows in found.items() if rows]
+            by_kind[next((kind for kind, starts in KINDS.items() if start in starts), "others")].append(row)
+        return [(kind, rows) for kind, rows in by_kind.items() if rows]
+
+    def to_table(self, title: str) -> Table:
+        """The table as it is printed; what is best in a row is bold."""
+        return Table(
+            ["metric", "unit", *(method.replace(" ", "\n") for method in self.methods)],
+            [
+                [f"{row.name} {row.arrow}".rstrip(), row.unit]
+                + [Bold(cell.text) if cell.best else cell.text for cell in row.cells]
+                for row in self.rows
+            ],
+            title,
+            names=2,
+            notes=[f"no {', '.join(names)}: {reason}" for reason, names in self.absent],
+        )
 
 
-def tabulate(metrics: Sequence[Metric]) -> Table:
+def tabulate(metrics: Sequence[Metric]) -> MetricsTable:
     """The table of ``metrics``: methods in the order they come, metrics in the order of their definitions."""
     methods = tuple(dict.fromkeys(metric.method for metric in metrics))
     by_name: dict[str, dict[str, Metric]] = {}
@@ -80,68 +87,34 @@ def tabulate(metrics: Sequence[Metric]) -> Table:
     rows: list[Row] = []
     absent: dict[str, list[str]] = {}
     for name in sorted(by_name, key=lambda name: order.get(name, len(order))):
-        found = by_name[name]
-        if any(metric.value is not None for metric in found.values()):
-            rows.append(_row(name, found, methods))
+        by_method = by_name[name]
+        if any(metric.value is not None for metric in by_method.values()):
+            rows.append(_row(name, by_method, methods))
         else:
-            absent.setdefault(_reasons(found), []).append(name)
-    return Table(methods, tuple(rows), tuple((reason, tuple(names)) for reason, names in absent.items()))
-
-
-def print_table(table: Table, title: str) -> None:
-    """The table on stdout, as wide as it needs to be: a number cut short would be a wrong number."""
-    from rich.console import Console
-
-    Console(width=UNLIMITED).print(to_rich(table, title))
-
-
-def to_rich(table: Table, title: str | None = None) -> rich.table.Table:
-    """The table for the console; what is best in a row is bold."""
-    import rich.box
-    import rich.table
-    from rich.text import Text
-
-    caption = "\n".join(f"no {', '.join(names)}: {reason}" for reason, names in table.absent)
-    output = rich.table.Table(
-        title=Text(title) if title else None,
-        caption=Text(caption) if caption else None,
-        caption_justify="left",
-        box=rich.box.SIMPLE_HEAD,
+            reasons = dict.fromkeys(metric.reason for metric in by_method.values() if metric.reason)
+            absent.setdefault("; ".join(reasons), []).append(name)
+    return MetricsTable(
+        methods, tuple(rows), tuple((reason, tuple(names)) for reason, names in absent.items())
     )
-    output.add_column("metric", no_wrap=True)
-    output.add_column("unit", no_wrap=True)
-    for method in table.methods:
-        output.add_column(Text(method.replace(" ", "\n")), justify="right", vertical="bottom", no_wrap=True)
-    for row in table.rows:
-        cells = [Text(cell.text, style="bold" if cell.best else "") for cell in row.cells]
-        output.add_row(Text(f"{row.name} {row.arrow}".rstrip()), row.unit, *cells)
-    return output
 
 
-def _row(name: str, found: dict[str, Metric], methods: tuple[str, ...]) -> Row:
-    values = [metric.value for metric in found.values() if metric.value is not None]
-    better = next(iter(found.values())).better
-    best = _best(values, better)
-    decimals = _decimals(values)
-    comparable = better is not None and not name.startswith(KINDS["cost"])  # dead reckoning costs nothing
-    baseline = found[BASELINE].value if BASELINE in found and comparable else None
+def _row(name: str, by_method: dict[str, Metric], methods: tuple[str, ...]) -> Row:
+    first = next(iter(by_method.values()))
+    values = [metric.value for metric in by_method.values() if metric.value is not None]
+    best, decimals = _best(values, first.better), _decimals(values)
+    comparable = first.better is not None and not name.startswith(KINDS["cost"])  # dead reckoning is free
+    baseline = by_method[BASELINE].value if BASELINE in by_method and comparable else None
     cells = []
     for method in methods:
-        metric = found.get(method)
+        metric = by_method.get(method)
         if metric is None or metric.value is None:
             cells.append(Cell(ABSENT, reason=metric.reason if metric else "not measured"))
         else:
             versus = "" if method == BASELINE else _difference(metric.value, baseline)
-            cells.append(Cell(f"{metric.value:.{decimals}f}", metric.value == best, versus=versus))
+            cells.append(Cell(number(metric.value, decimals), metric.value == best, versus=versus))
     definition = DEFINITIONS.get(name)
-    return Row(
-        name,
-        next(iter(found.values())).unit,
-        ARROWS[better],
-        tuple(cells),
-        definition.meaning if definition else "",
-        definition.cannot_see if definition else "",
-    )
+    meaning, blind = (definition.meaning, definition.cannot_see) if definition else ("", "")
+    return Row(name, first.unit, ARROWS[first.better], tuple(cells), meaning, blind)
 
 
 def _difference(value: float, baseline: float | None) -> str:
@@ -165,7 +138,3 @@ def _decimals(values: Sequence[float]) -> int:
         return 0
     smallest = min((abs(value) for value in values if value != 0.0), default=1.0)
     return max(0, min(4, 2 - math.floor(math.log10(smallest))))
-
-
-def _reasons(found: dict[str, Metric]) -> str:
-    return "; ".join(dict.fromkeys(metric.reason for metric in found.values() if metric.reason))

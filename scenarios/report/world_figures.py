@@ -6,20 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarios.report.style import (
-    BLACK,
-    BLUE,
-    FONT,
-    GREY,
-    LEFT,
-    ORANGE,
-    RIGHT,
-    VERMILLION,
-    WIDTH,
-    grid,
-    titled,
-)
+from scenarios.report.style import FONT, LEFT, RIGHT, WIDTH, grid, set_title
 from slam import se2
+from slam.colours import BLACK, BLUE, GREY, ORANGE, VERMILLION
 from slam.odometry.track import Verdict
 from slam.se2 import Array
 from stitch.mapping.estimate import Estimate
@@ -31,34 +20,34 @@ if TYPE_CHECKING:
 
     from sim.record import SimulatedRun
 
-FAN = np.deg2rad(8.0)
-"""Half the sector of beams drawn from the side: what is further off the heading would mislead."""
-FARTHEST = 6.0
-"""Of the level laser's view, drawn from the side [m]."""
-BEHIND = 0.8
+SECTOR = np.deg2rad(8.0)
+"""Half the sector of beams drawn from the side: beams further off the heading would mislead."""
+LEVEL_RANGE = 6.0
+"""How far the beam of a level laser is drawn from the side [m]."""
+GROUND_BEHIND = 0.8
 """Ground shown behind the robot [m]."""
-MOST_SMOKE = 8.0
+MAX_EXTINCTION = 8.0
 """Extinction coefficient drawn darkest [1/m]: what blinds the laser would bleach the haze."""
 SHADES = 6
-"""Of ground and of smoke: bands, which read like contour lines and keep the picture small."""
-SCALE, MOST_HEIGHT, SMALL = 0.8, 9.0, 5.0
-"""Room for the scale of colours, the highest drawing, and the width of a small one [inch]."""
-MOST_TILT = 12.0
+"""Bands of colour of ground and smoke, which read like contour lines and keep the picture small."""
+BAR_WIDTH, MAX_HEIGHT, THUMBNAIL_WIDTH = 0.8, 9.0, 5.0
+"""Room for the colour bar, the largest height of a drawing, and the width of a thumbnail [inch]."""
+MAX_TILT = 12.0
 """End of the colour scale [°]: a robot that lies on its back would bleach all else."""
 
 
-def from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
+def draw_from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
     """Walls, furniture, terrain, smoke and movers, and the driven path coloured by its true tilt.
 
     Where the matcher of ``estimate`` (the Weighted Scan Matcher's, say) had no match the path is marked.
     """
     low, high = _extent(run)
     aspect = float((high[1] - low[1]) / (high[0] - low[0]))
-    across = min(WIDTH - LEFT - RIGHT - SCALE, MOST_HEIGHT / aspect)
-    figure, (ax,) = grid(1, 1, across, across * aspect, 0.0, 0.0, beside=SCALE)
+    across = min(WIDTH - LEFT - RIGHT - BAR_WIDTH, MAX_HEIGHT / aspect)
+    figure, (ax,) = grid(1, 1, across, across * aspect, 0.0, 0.0, beside=BAR_WIDTH)
     line = _draw_drive(ax, run, estimate)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    place, wide = ax.get_position(), SCALE / figure.get_figwidth()
+    place, wide = ax.get_position(), BAR_WIDTH / figure.get_figwidth()
     inside = figure.add_axes((place.x1 + 0.2 * wide, place.y0, 0.2 * wide, place.height))
     bar = figure.colorbar(line, cax=inside, extend="max")
     bar.set_label("tilt of the robot [°]", fontsize=FONT["label"])
@@ -67,14 +56,14 @@ def from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
     return figure
 
 
-def thumbnail(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
-    """The same on a picture `SMALL` inch wide, without axes and legend, with a scale."""
+def draw_thumbnail(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
+    """The same on a picture `THUMBNAIL_WIDTH` inch wide, without axes and legend, with a scale."""
     from matplotlib.figure import Figure
 
     low, high = _extent(run)
     width, height = high - low
     low = low - [0.0, 0.07 * width]  # the scale lies under it
-    figure = Figure(figsize=(SMALL, SMALL * (height + 0.07 * width) / width))
+    figure = Figure(figsize=(THUMBNAIL_WIDTH, THUMBNAIL_WIDTH * (height + 0.07 * width) / width))
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     ax.set_axis_off()
     _draw_drive(ax, run, estimate)
@@ -86,7 +75,7 @@ def thumbnail(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
     return figure
 
 
-def from_the_side(run: SimulatedRun) -> Figure:
+def draw_from_the_side(run: SimulatedRun) -> Figure:
     """The scan with the most nose-down pitch of a robot on its feet, in the upright plane of its heading.
 
     Beams within 8° of the heading, without noise; the dashed line is where a level laser would have looked.
@@ -105,8 +94,8 @@ def from_the_side(run: SimulatedRun) -> Figure:
     ax.plot([0.0, level], [z, z], color=BLACK, linestyle="--", linewidth=0.9, label="a level laser")
     ax.plot([0.0], [z], marker="s", color=BLACK, markersize=6, linestyle="none", label="laser")
     roll, pitch = np.degrees(run.tilt[scan])
-    titled(ax, f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", "left")
-    ax.set(xlim=(-BEHIND, reach + 0.3), xlabel="distance ahead [m]", ylabel="height [m]")
+    set_title(ax, f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", "left")
+    ax.set(xlim=(-GROUND_BEHIND, reach + 0.3), xlabel="distance ahead [m]", ylabel="height [m]")
     ax.legend(
         fontsize=FONT["tick"],
         loc="lower right",
@@ -144,7 +133,7 @@ def _draw_ground(ax: Axes, run: SimulatedRun) -> None:
     terrain, smoke = run.setup.world.terrain, run.setup.world.smoke
     _shade(ax, np.abs(terrain.heights), terrain.origin, terrain.resolution, "YlOrBr")
     if smoke is not None:
-        visible = np.sqrt(np.minimum(smoke.extinction, MOST_SMOKE))  # shows haze beside thick smoke
+        visible = np.sqrt(np.minimum(smoke.extinction, MAX_EXTINCTION))  # shows haze beside thick smoke
         _shade(ax, visible, smoke.origin, smoke.resolution, "Greys")
 
 
@@ -159,16 +148,9 @@ def _shade(ax: Axes, values: Array, origin: tuple[float, float], resolution: flo
     box = (left, left + columns * resolution, bottom, bottom + rows * resolution)
     top = float(values.max())
     ax.imshow(
-        np.where(values > 0.0, values, np.nan),
-        origin="lower",
-        extent=box,
-        cmap=colormaps[colours].resampled(SHADES),
-        vmin=-0.2 * top,
-        vmax=top,
-        alpha=0.55,
-        interpolation="none",
-        zorder=0,
-    )
+        np.where(values > 0.0, values, np.nan), cmap=colormaps[colours].resampled(SHADES), alpha=0.55,
+        vmin=-0.2 * top, vmax=top, origin="lower", extent=box, interpolation="none", zorder=0,
+    )  # fmt: skip
 
 
 def _draw_solids(ax: Axes, run: SimulatedRun) -> None:
@@ -196,7 +178,7 @@ def _draw_path(ax: Axes, run: SimulatedRun) -> LineCollection:
     pieces = np.stack([truth[:-1, :2], truth[1:, :2]], axis=1)
     line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5, rasterized=True)
     line.set_array(np.maximum(tilt[:-1], tilt[1:]))
-    line.set_clim(0.0, MOST_TILT)
+    line.set_clim(0.0, MAX_TILT)
     ax.add_collection(line)
     ax.plot(*truth[0, :2], marker="o", color=BLUE, markersize=6, zorder=6)
     return line
@@ -205,27 +187,22 @@ def _draw_path(ax: Axes, run: SimulatedRun) -> LineCollection:
 def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> None:
     from matplotlib.lines import Line2D
 
-    def marker(label: str, **style: object) -> Line2D:
-        return Line2D([], [], linestyle="none", label=label, **style)  # type: ignore[arg-type]
-
     world = run.setup.world
     entries = [
-        marker("at the laser's height", marker="s", color=BLACK),
-        marker("lower or higher", marker="s", markerfacecolor="none", markeredgecolor=GREY),
-        marker("start", marker="o", color=BLUE),
+        ("at the laser's height", "s", BLACK, BLACK),
+        ("lower or higher", "s", "none", GREY),
+        ("start", "o", BLUE, BLUE),
     ]
     if world.debris or world.people:
-        entries.append(
-            marker("moves (at the start)", marker="s", markerfacecolor="none", markeredgecolor=ORANGE)
-        )
+        entries.append(("moves (at the start)", "s", "none", ORANGE))
     if estimate is not None:
-        entries.append(
-            marker(
-                f"{estimate.method}: no match", marker="o", markerfacecolor="none", markeredgecolor=VERMILLION
-            )
-        )
+        entries.append((f"{estimate.method}: no match", "o", "none", VERMILLION))
+    handles = [
+        Line2D([], [], linestyle="none", label=label, marker=marker, mfc=face, mec=edge)
+        for label, marker, face, edge in entries
+    ]
     figure.legend(
-        handles=entries, fontsize=FONT["tick"], frameon=False, ncols=len(entries), loc="lower center"
+        handles=handles, fontsize=FONT["tick"], frameon=False, ncols=len(entries), loc="lower center"
     )
 
 
@@ -245,7 +222,7 @@ def _seen(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array]:
     x, y, yaw = truth[scan]
     ground = height_at(float(x), float(y), world.terrain.field)
     pose = scanner.sensor_poses(np.array([x, y, yaw, *run.tilt[scan], ground]))
-    angles = scanner.angles[np.abs(scanner.angles) <= FAN]
+    angles = scanner.angles[np.abs(scanner.angles) <= SECTOR]
     ranges = scanner.caster(world).cast(pose[None], angles + scanner.mount[2], scanner.range_max)[0]
     return pose, angles, ranges
 
@@ -255,7 +232,7 @@ def _level_range(run: SimulatedRun, pose: Array) -> float:
     caster = run.setup.scanner.caster(run.setup.world)
     level = pose * [1.0, 1.0, 1.0, 0.0, 0.0, 1.0]
     met = caster.cast(level[None], np.zeros(1), run.setup.scanner.range_max)[0, 0]
-    return float(np.fmin(met, min(run.setup.scanner.range_max, FARTHEST)))
+    return float(np.fmin(met, min(run.setup.scanner.range_max, LEVEL_RANGE)))
 
 
 def _in_heading_plane(pose: Array, angles: Array, ranges: Array) -> tuple[Array, Array]:
@@ -272,7 +249,7 @@ def _draw_profile(ax: Axes, run: SimulatedRun, pose: Array, reach: float) -> Non
     from sim.terrain import heights_at
 
     world = run.setup.world
-    along = np.arange(-BEHIND, reach + 0.3, 0.02)
+    along = np.arange(-GROUND_BEHIND, reach + 0.3, 0.02)
     line = pose[:2] + along[:, None] * np.array([np.cos(pose[2]), np.sin(pose[2])])
     ground = heights_at(np.ascontiguousarray(line), world.terrain.field)
     ax.fill_between(along, ground, min(-0.15, float(ground.min()) - 0.1), color=GREY, linewidth=0.0)

@@ -1,10 +1,14 @@
-"""Styles and scripts of the page: our own, and the two libraries that draw (Leaflet, uPlot)."""
+"""Templates, styles and scripts of the pages: our own, and the two libraries that draw (Leaflet, uPlot)."""
 
 from __future__ import annotations
 
 import re
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import jinja2
 
 HERE = Path(__file__).parent
 VENDOR, TEMPLATES = HERE / "vendor", HERE / "templates"
@@ -15,9 +19,22 @@ MODULES = (
 """Our scripts in the order they are read; what one defines, those after it use."""
 
 
+def environment(templates: Path = TEMPLATES) -> jinja2.Environment:
+    """Templates of a folder, in which everything is escaped that is not marked as safe."""
+    import jinja2
+
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(templates),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
 @cache
 def style() -> str:
-    """All style sheets in one, without the images that Leaflet's would fetch and we do not use."""
+    """All style sheets in one, without the images that Leaflet's would fetch."""
     sheets = [VENDOR / "leaflet.css", VENDOR / "uplot.css", TEMPLATES / "page.css"]
     return re.sub(r"url\([^)]*\)", "none", "\n".join(map(_read, sheets)))
 

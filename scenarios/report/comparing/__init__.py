@@ -1,1 +1,0 @@
-"""Runs and sweeps side by side: methods × scenarios, distributions, worst cases."""

@@ -1,0 +1,228 @@
+"""Figures of submaps and stitches, after the thesis: submaps (A.2), accepted stitches one by one (A.3), one
+stitch with its spectra (5.4, 5.5, 5.13) and its result (5.14). Each returns a matplotlib ``Figure``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from scenarios.report.alignment_evidence import (
+    REACH,
+    RESOLUTION,
+    AlignedPair,
+    AxisSpectra,
+    Walls,
+    axis_spectra,
+    rotation_correlation,
+    score_surface,
+)
+from scenarios.report.method_attributes import MERGING
+from scenarios.report.style import FONT, WIDTH, fix_axes, set_title
+from slam import se2
+from slam.colours import BLACK, BLUE, GREY, ORANGE, VERMILLION
+from slam.se2 import Array
+from stitch.alignment.config import AlignConfig
+from stitch.alignment.translation import Correlation
+from stitch.mapping.estimate import Estimate, LoopCandidate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LAYOUT = {"left": 0.04, "right": 0.99, "bottom": 0.05, "top": 0.94, "wspace": 0.22, "hspace": 0.42}
+"""Around and between the panels of one stitch, as shares of the figure and of a panel."""
+MAX_TILES = 60
+"""Tiles on a sheet."""
+SAME_WALL = 0.15
+"""Walls of two submaps nearer than this [m] are in both: one cell of 0.1 m, also across its corner."""
+MAP_SHARE, TITLE_SHARE = 0.9, 0.16
+"""Of a tile: share that the map fills, height of the line above it."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A small map: points ``(n, 2)`` m by colour, what lies on top last; its title and the title's colour."""
+
+    title: str
+    layers: tuple[tuple[Array, str], ...]
+    colour: str = BLACK
+
+
+def draw_submaps(estimate: Estimate) -> Figure:
+    """Every submap in its own frame (thesis, figure A.2)."""
+    return draw_sheet(
+        [
+            Tile(f"{k}: {submap.start} to {submap.stop - 1}", ((submap.grid.occupied_points(), BLACK),))
+            for k, submap in enumerate(estimate.submaps)
+        ]
+    )
+
+
+def draw_accepted_stitches(estimate: Estimate, false: frozenset[int] = frozenset()) -> Figure:
+    """Every accepted stitch with both submaps where it put them (thesis, figure A.3).
+
+    ``false`` are the indices into the estimate's stitches whose titles are red.
+    """
+    return draw_sheet(
+        [
+            _stitch_tile(estimate, stitch, VERMILLION if k in false else BLACK)
+            for k, stitch in enumerate(estimate.stitches)
+            if stitch.accepted
+        ]
+    )
+
+
+def _stitch_tile(estimate: Estimate, stitch: LoopCandidate, colour: str) -> Tile:
+    """A stitch on a tile: a blue, b orange, both black."""
+    pair = AlignedPair.of(estimate, stitch)
+    assert pair.T_a_b is not None
+    a = f"0…{stitch.b - 1}" if estimate.method in MERGING else f"{stitch.a}"
+    layers = pair_layers(pair.a.points, se2.transform(pair.T_a_b, pair.b.points))
+    return Tile(f"{a} ← {stitch.b}", tuple((points, layer) for points, layer, _ in layers), colour)
+
+
+def draw_stitch(estimate: Estimate, stitch: LoopCandidate, config: AlignConfig) -> Figure:
+    """A stitch: both maps before and after, Hough spectra, X and Y spectra, and the score around it.
+
+    Raises ``ValueError`` without an alignment or walls to draw.
+    """
+    from matplotlib.figure import Figure
+
+    pair = AlignedPair.of(estimate, stitch)
+    a, b, T = pair.a, pair.b, pair.T_a_b
+    if T is None or not pair.complete:
+        raise ValueError(f"stitch {stitch.a}-{stitch.b} of {estimate.method} has no alignment to draw")
+    surface = score_surface(a, b, T, config)
+    third = "after" if surface is None or surface.agreement.size == 0 else "surface"
+    left = ["before", "after", third]
+    figure = Figure(figsize=(WIDTH, 5.4))
+    ax = figure.subplot_mosaic(
+        [[*left, "spectra"], [*left, "turns"], ["X", "X shifts", "Y", "Y shifts"]],
+        height_ratios=[1.0, 1.0, 1.1],
+        gridspec_kw=LAYOUT,
+    )
+    for panel in ax.values():
+        fix_axes(panel)
+    moved = se2.transform(pair.before, b.points)
+    _draw_walls(ax["before"], [(a.points, BLUE, "a"), (moved, ORANGE, "b")], "before")
+    _draw_walls(ax["after"], pair_layers(a.points, se2.transform(T, b.points)), "after")
+    ax["after"].legend(
+        fontsize=FONT["tick"], frameon=False, ncols=3, markerscale=4, loc="lower right", borderpad=0.0,
+        bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=0.8,
+    )  # fmt: skip
+    if surface is not None and third == "surface":
+        _draw_surface(ax["surface"], surface, T, config)
+    _draw_rotation(ax["spectra"], ax["turns"], a, b, T)
+    for name, axis in zip("XY", axis_spectra(a, b, T), strict=True):
+        _draw_axis(ax[name], ax[f"{name} shifts"], axis, name)
+    return figure
+
+
+def pair_layers(a: Array, b: Array) -> list[tuple[Array, str, str]]:
+    """Walls ``(n, 2)`` and ``(m, 2)`` of two submaps in one frame: what a has, what only b has, and what of
+    b both have, with colour and label."""
+    both = in_both(a, b)
+    return [(a, BLUE, "a"), (b[~both], ORANGE, "b"), (b[both], BLACK, "both")]
+
+
+def in_both(a: Array, b: Array) -> np.ndarray:
+    """Which of the wall points ``b (m, 2)`` are also in ``a (n, 2)``, ``(m,)`` bool."""
+    if len(a) == 0 or len(b) == 0:
+        return np.zeros(len(b), dtype=bool)
+    return np.isfinite(cKDTree(a).query(b, distance_upper_bound=SAME_WALL)[0])
+
+
+def _draw_walls(ax: Axes, layers: Sequence[tuple[Array, str, str]], title: str) -> None:
+    for points, colour, label in layers:
+        ax.scatter(
+            points[:, 0], points[:, 1], s=2.0, color=colour, linewidths=0, label=label, rasterized=True
+        )
+    ax.set_aspect("equal", adjustable="datalim")
+    set_title(ax, title, "left")
+
+
+def _draw_rotation(above: Axes, below: Axes, a: Walls, b: Walls, T: Array) -> None:
+    """Hough spectra and their correlation (thesis, figures 5.4 and 5.13)."""
+    for walls, colour in ((a, BLUE), (b, ORANGE)):
+        above.plot(np.arange(len(walls.spectrum)), walls.spectrum, color=colour, linewidth=0.9)
+    set_title(above, "Hough spectra [°]", "left")
+    below.plot(rotation_correlation(a, b), color=BLACK, linewidth=0.9)
+    turn = float(np.degrees(T[2]))
+    below.axvline(turn % 180.0, color=VERMILLION, linestyle=":", linewidth=1.2)
+    set_title(below, f"correlation [°]: {turn:.1f}°", "left")
+    for ax in (above, below):
+        ax.set_xlim(0.0, 180.0)
+        ax.set_ylim(bottom=0.0)
+        ax.set_xticks(range(0, 181, 45))
+        ax.grid(color=GREY, linewidth=0.4, alpha=0.6)
+
+
+def _draw_axis(left: Axes, right: Axes, axis: AxisSpectra, name: str) -> None:
+    """X or Y spectra, b's where it was put, and their correlation (thesis, figure 5.5)."""
+    for counts, first, colour in ((axis.a, axis.first_a, BLUE), (axis.b, axis.first_b + axis.shift, ORANGE)):
+        x = first + (np.arange(len(counts)) + 0.5) * RESOLUTION
+        left.plot(x, counts, color=colour, linewidth=0.9)
+    set_title(left, f"{name} spectra [m]", "left")
+    shifts = axis.first_shift + np.arange(len(axis.correlation)) * RESOLUTION
+    right.plot(shifts, axis.correlation, color=BLACK, linewidth=0.9)
+    right.axvline(axis.shift, color=VERMILLION, linestyle=":", linewidth=1.2)
+    set_title(right, f"{name} correlation: {axis.shift:.2f} m", "left")
+
+
+def _draw_surface(ax: Axes, surface: Correlation, T: Array, config: AlignConfig) -> None:
+    """Score of shifts around the answer: bright where walls lie on walls."""
+    score = surface.score(config.lenient_penalty)
+    height, width = score.shape
+    x, y = surface.first - 0.5 * surface.resolution
+    extent = (x, x + width * surface.resolution, y, y + height * surface.resolution)
+    ax.imshow(score, origin="lower", extent=extent, cmap="viridis", vmin=float(np.median(score)))
+    ax.plot(T[0], T[1], marker="+", color="white", markersize=10, markeredgewidth=1.5)
+    set_title(ax, f"score within {REACH:.0f} m", "left")
+
+
+def draw_sheet(tiles: Sequence[Tile], columns: int = 8) -> Figure:
+    """The tiles in rows, the first `MAX_TILES` of them; each title with the larger side of what it shows."""
+    from matplotlib.figure import Figure
+
+    shown = tiles[:MAX_TILES]
+    columns = min(columns, max(len(shown), 3))
+    rows = math.ceil(len(shown) / columns)
+    side = WIDTH / columns
+    height = rows * side * (1.0 + TITLE_SHARE) + (0.35 if len(tiles) > MAX_TILES else 0.05)
+    figure = Figure(figsize=(WIDTH, height))
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set(xlim=(0.0, columns), ylim=(-height / side, 0.0))
+    ax.set_axis_off()
+    by_colour: dict[str, list[Array]] = {}
+    for i, tile in enumerate(shown):
+        corner = np.array([i % columns, -(i // columns) * (1.0 + TITLE_SHARE)])
+        middle, size = _box(tile)
+        for points, colour in tile.layers:
+            placed = corner + [0.5, -TITLE_SHARE - 0.5] + MAP_SHARE * (points - middle) / size
+            by_colour.setdefault(colour, []).append(placed)
+        ax.text(
+            corner[0] + 0.5, corner[1] - 0.6 * TITLE_SHARE, f"{tile.title}, {size:.0f} m",
+            ha="center", va="center", fontsize=FONT["tick"], color=tile.colour, parse_math=False,
+        )  # fmt: skip
+    for colour in (BLUE, ORANGE, BLACK):
+        if colour in by_colour:
+            x, y = np.concatenate(by_colour[colour]).T
+            ax.scatter(x, y, s=1.6, color=colour, linewidths=0, rasterized=True)
+    if len(tiles) > MAX_TILES:
+        left_out = f"and {len(tiles) - MAX_TILES} more"
+        ax.text(columns / 2, 0.1 - height / side, left_out, fontsize=FONT["tick"], ha="center")
+    return figure
+
+
+def _box(tile: Tile) -> tuple[Array, float]:
+    """Middle ``(2,)`` and larger side [m] of what a tile shows."""
+    points = np.concatenate([points for points, _ in tile.layers])
+    if len(points) == 0:
+        return np.zeros(2), 1.0
+    low, high = points.min(axis=0), points.max(axis=0)
+    return (low + high) / 2.0, max(float((high - low).max()), 1.0)

@@ -1,0 +1,10 @@
+"""The colours of every figure: told apart by the colour-blind (Okabe & Ito 2008), and a grey."""
+
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILLION = "#D55E00"
+PURPLE = "#CC79A7"
+GREY = "#B0B0B0"
