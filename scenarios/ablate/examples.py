@@ -12,8 +12,8 @@ from scenarios.ablate.pairs import Pair
 from scenarios.ablate.trial import is_right
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.joint import Scene, tops
-from stitch.alignment.likelihood import tally
+from stitch.alignment.joint import AlignmentProblem, best_candidates
+from stitch.alignment.likelihood import count_overlap
 from stitch.alignment.raster import walls_of
 from stitch.alignment.refinement import prior_penalty
 from stitch.alignment.result import Prior
@@ -26,8 +26,8 @@ SPREAD = 0.1
 class Examples:
     """Alignments of pairs of maps.
 
-    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.Tally`; ``unlikely (n,)``:
-    what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by the truth.
+    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.OverlapCounts`;
+    ``unlikely (n,)``: what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by truth.
     """
 
     counts: Array
@@ -39,9 +39,9 @@ class Examples:
     def of_pair(cls, pair: Pair, prior: Prior | None, config: AlignConfig) -> Examples:
         """Every alignment that the search leads to."""
         walls_a, walls_b = walls_of(pair.a, config.resolution), walls_of(pair.b, config.resolution)
-        scene = Scene.of(walls_a, walls_b, prior, config)
-        poses = [candidate.T_a_b for candidate in tops(scene, config)]
-        tallies = [tally(scene.a, scene.b, T_a_b) for T_a_b in poses]
+        problem = AlignmentProblem.of(walls_a, walls_b, prior, config)
+        poses = [candidate.T_a_b for candidate in best_candidates(problem)]
+        tallies = [count_overlap(problem.a, problem.b, T_a_b) for T_a_b in poses]
         counts = np.array([found.counts for found in tallies]).reshape(-1, 2, 3, 7)
         gaps = np.array([found.gaps for found in tallies]).reshape(-1, 3)
         unlikely = [float(prior_penalty(prior, T_a_b, 1.0)) for T_a_b in poses]
@@ -77,8 +77,8 @@ class Examples:
 
 
 def fit(examples: Examples) -> tuple[Array, Array, float]:
-    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of `stitch.alignment.likelihood.likeness`, from
-    examples without a prior.
+    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of
+    `stitch.alignment.likelihood.overlap_log_odds`, from examples without a prior.
 
     Logistic regression on the square roots of the counts, each divided by its spread, with a unit normal
     prior on the weights.

@@ -123,7 +123,7 @@ def size(grid: Grid) -> tuple[float, float]:
 
 def rows_of(pairs: Sequence[Pair], variant: Variant) -> list[Row]:
     """A method's row for each pair; the error of its prior is the pair's own."""
-    config = AlignConfig(method=variant.method)  # type: ignore[arg-type]
+    config = AlignConfig(method=variant.method)
     rows = []
     for k, pair in enumerate(pairs):
         if k == 0:

@@ -10,9 +10,9 @@ import numpy as np
 from scenarios.ablate.pairs import Pair
 from scenarios.ablate.trial import drawn_prior, is_right
 from slam.se2 import Array
-from stitch.alignment.acceptance import Network, features
+from stitch.alignment.acceptance import AcceptanceClassifier, features
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.joint import Scene, shown, tops
+from stitch.alignment.joint import AlignmentProblem, best_candidates, score_best
 from stitch.alignment.raster import walls_of
 
 HIDDEN = 48
@@ -60,20 +60,20 @@ def lessons(pairs: Sequence[Pair], guided: bool, rng: np.random.Generator) -> Le
         walls_a, walls_b = walls_of(pair.a, config.resolution), walls_of(pair.b, config.resolution)
         if len(walls_a.points) == 0 or len(walls_b.points) == 0:
             continue
-        scene = Scene.of(walls_a, walls_b, prior, config)
-        candidates = tops(scene, config)
+        problem = AlignmentProblem.of(walls_a, walls_b, prior, config)
+        candidates = best_candidates(problem)
         if not candidates:
             continue
-        evidence, standing = shown(scene, candidates, config)
+        shared, scores = score_best(problem, candidates)
         right = pair.bin != STRANGERS and is_right(candidates[0].T_a_b, pair.T_a_b, pair.middle_b)
         limits = config.acceptance
         allowed = (
-            evidence.overlap_area >= limits.min_overlap
-            and evidence.open_area >= limits.min_open
-            and standing.odds - standing.rival >= limits.min_lead
-            and standing.rivalry <= limits.max_rivalry
+            shared.overlap_area >= limits.min_overlap
+            and shared.open_area >= limits.min_open
+            and scores.lead >= limits.min_lead
+            and scores.ambiguity_ratio <= limits.max_ambiguity
         )
-        found.append((features(evidence, standing), right, allowed, guided, pair.bin, pair.seed))
+        found.append((features(shared, scores), right, allowed, guided, pair.bin, pair.seed))
     columns = list(zip(*found, strict=True)) if found else [()] * 6
     kinds = (np.float64, bool, bool, bool, np.str_, np.int64)
     arrays = [np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)]
@@ -88,7 +88,7 @@ def strangers(pairs: Sequence[Pair], others: Sequence[Pair]) -> list[Pair]:
     ]
 
 
-def fit(given: Lessons, rng: np.random.Generator) -> Network:
+def fit(given: Lessons, rng: np.random.Generator) -> AcceptanceClassifier:
     """The network with the least log-loss and ridge, from a start drawn by ``rng``."""
     from scipy.optimize import minimize
     from scipy.special import expit
@@ -122,7 +122,7 @@ def fit(given: Lessons, rng: np.random.Generator) -> Network:
         ]
     )
     theta = minimize(loss, start, jac=True, method="L-BFGS-B", options={"maxiter": 400}).x
-    return Network(mean, scale, *_parts(theta, count))
+    return AcceptanceClassifier(mean, scale, *_parts(theta, count))
 
 
 def _parts(theta: Array, count: int) -> tuple[Array, Array, Array, Array]:

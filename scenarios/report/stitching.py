@@ -161,7 +161,7 @@ def _shifts(ax: Axes, axis: Axis, name: str) -> None:
 
 def _surface(ax: Axes, found: Correlation, T: Array, config: AlignConfig) -> None:
     """Score of shifts around the answer: bright where walls lie on walls."""
-    score = found.score(config.lenient_penalty)
+    score = found.score(config.search.lenient_penalty)
     height, width = score.shape
     x, y = found.first - 0.5 * found.resolution
     extent = (x, x + width * found.resolution, y, y + height * found.resolution)

@@ -22,7 +22,7 @@ from slam.graph.pose_graph import Loss, PoseGraph, Solution, informations, optim
 from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.align import NoStitch, Prior, Stitch
-from stitch.alignment.config import AlignConfig
+from stitch.alignment.config import AlignConfig, CovarianceConfig
 from stitch.alignment.result import Alternative
 from stitch.mapping.estimate import LoopCandidate
 
@@ -90,7 +90,9 @@ class LoopConfig:
     broken_edge: float = 15.0
     rounds: int = 3
     least_information: float = 2.5
-    align: AlignConfig = field(default_factory=lambda: AlignConfig(warp=(0.01, 0.0026)))
+    align: AlignConfig = field(
+        default_factory=lambda: AlignConfig(covariance=CovarianceConfig(warp=(0.01, 0.0026)))
+    )
     back_end: BackEnd = "gnc"
     injected: float = 0.0
     injected_seed: int = 0

@@ -109,7 +109,7 @@ def on_pairs(folder: Path, methods: list[str]) -> list[RealRow]:
         print(f"{building.name}: {len(pairs)} of {annotated} annotated pairs scored", file=sys.stderr)
         maps = {name: read_map(building / f"{name}.png") for pair in pairs for name in (pair.a, pair.b)}
         for method in methods:
-            config = AlignConfig(method=method)  # type: ignore[arg-type]
+            config = AlignConfig(method=method)
             for pair in pairs:
                 started = time.process_time()
                 answer = align(maps[pair.a], maps[pair.b], None, config)
@@ -143,7 +143,7 @@ def on_pieces(folder: Path, methods: list[str]) -> list[tuple[PieceRow, Array | 
     rows = []
     for method in methods:
         started = time.process_time()
-        answer = align(a, b, None, AlignConfig(method=method))  # type: ignore[arg-type]
+        answer = align(a, b, None, AlignConfig(method=method))
         seconds = time.process_time() - started
         refused = isinstance(answer, NoStitch)
         best = answer.best if isinstance(answer, NoStitch) else answer

@@ -73,7 +73,7 @@ def run(options: Options) -> None:
     print(f"{len(free.right)} alignments without a prior, {free.right.sum()} of them right")
     print(f"{len(told.right)} alignments with a prior, {told.right.sum()} of them right\n")
     print(f"WEIGHTS = np.array(\n{_literal(weights)}\n)\nGAPS = np.array({_literal(gaps)})")
-    print(f"BIAS, GUIDED = {bias:.2f}, {by_prior:.2f}")
+    print(f"BIAS, PRIOR_BONUS = {bias:.2f}, {by_prior:.2f}")
     finish(swept, store)
 
 

@@ -74,7 +74,7 @@ def _evidence(a: Walls, b: Walls, T_a_b: Array, config: AlignConfig) -> dict[str
     }
     found = surface(a, b, T_a_b, config)
     if found is not None and found.agreement.size:
-        score = found.score(config.lenient_penalty)
+        score = found.score(config.search.lenient_penalty)
         low, top = float(np.median(score)), float(score.max())
         told["surface"] = {
             "first": _rounded(found.first),
