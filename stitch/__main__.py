@@ -13,12 +13,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from slam.cli import POSE, InputError, Pose, RefusedError, main
-from stitch.alignment.config import AlignConfig, Method
+from stitch.alignment.config import METHODS, AlignConfig
 
 if TYPE_CHECKING:
     from slam.mapping.submap import Submap
     from slam.se2 import Array
     from stitch.alignment.result import Prior
+
+    Method = str
+else:
+    Method = Literal[tuple(METHODS)]
 
 COMMAND = "stitch"
 PRIOR_SIGMA = (1.0, 1.0, math.radians(10.0))
@@ -104,7 +108,7 @@ def config(options: Options, submaps: list[Submap]) -> AlignConfig:
     return AlignConfig(
         method=options.method,
         resolution=max(default.resolution, coarsest),
-        search_resolution=max(default.search_resolution, coarsest),
+        search=replace(default.search, resolution=max(default.search.resolution, coarsest)),
     )
 
 

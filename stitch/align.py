@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from slam.mapping.submap import Submap
-from stitch.alignment.config import AlignConfig, Method
+from stitch.alignment.config import METHODS, AlignConfig
 from stitch.alignment.joint import align_joint
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 from stitch.published.carpin import align_carpin
@@ -13,18 +11,18 @@ from stitch.published.censi import align_censi
 from stitch.published.features import align_features
 from stitch.published.htms import align_htms
 
-__all__ = ["AlignConfig", "Alternative", "NoStitch", "Prior", "Stitch", "align"]
+__all__ = ["METHODS", "AlignConfig", "Alternative", "NoStitch", "Prior", "Stitch", "align"]
+
+METHODS.update(
+    joint=align_joint,
+    htms=align_htms,
+    carpin=align_carpin,
+    censi=align_censi,
+    akaze=align_features,
+    orb=align_features,
+)
 
 DEFAULT = AlignConfig()
-
-METHODS: dict[Method, Callable[[Submap, Submap, Prior | None, AlignConfig], Stitch | NoStitch]] = {
-    "joint": align_joint,
-    "htms": align_htms,
-    "carpin": align_carpin,
-    "censi": align_censi,
-    "akaze": align_features,
-    "orb": align_features,
-}
 
 
 def align(
@@ -34,8 +32,8 @@ def align(
 
     ``config.method`` is one of `METHODS`. With "joint" rotations come from Hough spectra (Carpin 2008) or
     from around the prior, translations from a joint correlation that penalises walls in free space, and an
-    answer is only given when it passes `stitch.alignment.verification.Acceptance`. The others are the
-    methods of the literature; each tells in its own file when it refuses. None of them has a covariance.
-    All are deterministic.
+    answer is only given when it passes `stitch.alignment.config.Acceptance`. The others are the methods of
+    the literature; each tells in its own file when it refuses. None of them has a covariance. All are
+    deterministic.
     """
     return METHODS[config.method](a, b, prior, config)

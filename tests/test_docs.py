@@ -28,7 +28,7 @@ from slam.odometry.tracker import FrontendConfig
 from slam.recording import Laser, Recording
 from stitch.align import Stitch
 from stitch.alignment import likelihood
-from stitch.alignment.acceptance import Network
+from stitch.alignment.acceptance import AcceptanceClassifier
 from stitch.alignment.config import AlignConfig
 from stitch.mapping import online
 from stitch.mapping.bundle import BundleConfig
@@ -183,14 +183,14 @@ def stated() -> Iterator[tuple[str, str]]:
     yield "front_end.md", f"χ² = {FrontendConfig().most_innovation:.0f} from the guess"
     yield "segmentation.md", f"{BIAS:.2f} + {WEIGHTS['innovation']:.2f} ln innovation".replace("-", "−")
     yield "segmentation.md", f"fewer than {MethodConfig().segmentation.least_steps} matched steps"
-    yield "stitching.md", f"λ = {align.free_penalty:.0f} (maps that agree)"
-    yield "stitching.md", f"λ = {align.lenient_penalty:.0f} (bent maps, moved furniture)"
-    yield "stitching.md", f"{likelihood.BIAS:.2f} (+ {likelihood.GUIDED:.2f}".replace("-", "− ")
-    yield "stitching.md", f"{len(Network.learnt().mean)} numbers"
-    yield "stitching.md", f"{len(Network.learnt().offset)} tanh units"
+    yield "stitching.md", f"λ = {align.search.free_penalty:.0f} (maps that agree)"
+    yield "stitching.md", f"λ = {align.search.lenient_penalty:.0f} (bent maps, moved furniture)"
+    yield "stitching.md", f"{likelihood.BIAS:.2f} (+ {likelihood.PRIOR_BONUS:.2f}".replace("-", "− ")
+    yield "stitching.md", f"{len(AcceptanceClassifier.learnt().mean)} numbers"
+    yield "stitching.md", f"{len(AcceptanceClassifier.learnt().offset)} tanh units"
     yield "stitching.md", f"overlap ≥ {accept.min_overlap:g} m², ≥ {accept.min_open:g} m² free in both"
     yield "stitching.md", f"log-odds ≥ {accept.min_lead:g} ahead of any rival"
-    yield "stitching.md", f"= {accept.max_innovation} of the prior"
+    yield "stitching.md", f"χ²₃({align.prior.confidence}) of the prior"
     yield "pose_graph.md", f"at most {loops.candidates} earlier ones"
     yield "pose_graph.md", f"w = {loops.window_ins} m with an INS, {loops.window} m without"
     yield "pose_graph.md", f"distances {', '.join(map(str, bundle.radii))} m"

@@ -10,7 +10,7 @@ import numpy as np
 
 from slam.cli import InputError
 from slam.se2 import Array
-from stitch.alignment.acceptance import Network
+from stitch.alignment.acceptance import AcceptanceClassifier
 
 HIDDEN = 48
 """Units of the hidden layer of `fit_network`."""
@@ -38,7 +38,7 @@ def fit_logistic(features: Array, positive: np.ndarray, weights: Array | None = 
     return model.coef_[0], float(model.intercept_[0])
 
 
-def fit_network(features: Array, positive: np.ndarray, rng: np.random.Generator) -> Network:
+def fit_network(features: Array, positive: np.ndarray, rng: np.random.Generator) -> AcceptanceClassifier:
     """The network of `stitch.alignment.acceptance` for ``features (n, F)``, from a start drawn by ``rng``."""
     network = require("neural_network").MLPClassifier(
         (HIDDEN,),
@@ -53,7 +53,7 @@ def fit_network(features: Array, positive: np.ndarray, rng: np.random.Generator)
         warnings.simplefilter("ignore", require("exceptions").ConvergenceWarning)  # so many are enough
         network.fit((features - mean) / scale, positive)
     (inner, outer), (offset, bias) = network.coefs_, network.intercepts_
-    return Network(mean, scale, inner, offset, outer[:, 0], bias[0])
+    return AcceptanceClassifier(mean, scale, inner, offset, outer[:, 0], bias[0])
 
 
 def cross_validate(

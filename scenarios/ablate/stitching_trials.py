@@ -130,7 +130,7 @@ def run_trial(trial: Trial, sample: PairSample) -> Answer:
 
 def align_pairs(pairs: Sequence[SubmapPair], variant: AlignerVariant) -> list[AlignmentRow]:
     """A method's row for each pair; the error of its prior is the pair's own."""
-    config = AlignConfig(method=variant.method)  # type: ignore[arg-type]
+    config = AlignConfig(method=variant.method)
     if pairs:
         align(pairs[0].a, pairs[0].b, None, config)  # load its kernels before its time is taken
     rows = []

@@ -15,11 +15,11 @@ from scenarios.ablate.stitching_trials import draw_prior, is_right
 from slam.se2 import Array
 from stitch.alignment.acceptance import features
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.joint import Candidate, Scene, shown, tops
-from stitch.alignment.likelihood import tally
+from stitch.alignment.joint import AlignmentProblem, best_candidates, score_best
+from stitch.alignment.likelihood import count_overlap
 from stitch.alignment.raster import walls_of
 from stitch.alignment.refinement import prior_penalty
-from stitch.alignment.result import Prior
+from stitch.alignment.result import Alternative, Prior
 
 SPREAD = 0.1
 """Added to the standard deviation of a feature, so that rare ones are not given large weights."""
@@ -59,8 +59,8 @@ class Columns:
 class CountedAlignments(Columns):
     """Every candidate of the search for some pairs, with its counts.
 
-    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.Tally`; ``unlikely (n,)``:
-    what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by the truth.
+    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.OverlapCounts`;
+    ``unlikely (n,)``: what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by truth.
     """
 
     counts: Array
@@ -74,12 +74,12 @@ class CountedAlignments(Columns):
         result = _search(pair, prior, config)
         if result is None:
             return cls.empty()
-        scene, candidates = result
+        problem, candidates = result
         poses = [candidate.T_a_b for candidate in candidates]
-        tallies = [tally(scene.a, scene.b, T_a_b) for T_a_b in poses]
+        overlaps = [count_overlap(problem.a, problem.b, T_a_b) for T_a_b in poses]
         return cls(
-            np.array([one.counts for one in tallies]),
-            np.array([one.gaps for one in tallies]),
+            np.array([overlap.counts for overlap in overlaps]),
+            np.array([overlap.gaps for overlap in overlaps]),
             np.array([float(prior_penalty(prior, T_a_b, 1.0)) for T_a_b in poses]),
             np.array([is_right(T_a_b, pair.T_a_b, pair.middle_b) for T_a_b in poses]),
         )
@@ -114,14 +114,14 @@ class Dataset(Columns):
 
 def _search(
     pair: SubmapPair, prior: Prior | None, config: AlignConfig
-) -> tuple[Scene, list[Candidate]] | None:
-    """What the search is in, and its candidates; None where there are none."""
-    walls_a, walls_b = walls_of(pair.a, config.resolution), walls_of(pair.b, config.resolution)
+) -> tuple[AlignmentProblem, list[Alternative]] | None:
+    """What the search is in, and its candidates; None without any."""
+    walls_a, walls_b = (walls_of(submap, config.resolution, config.walls) for submap in (pair.a, pair.b))
     if len(walls_a.points) == 0 or len(walls_b.points) == 0:
         return None
-    scene = Scene.of(walls_a, walls_b, prior, config)
-    candidates = tops(scene, config)
-    return (scene, candidates) if candidates else None
+    problem = AlignmentProblem.of(walls_a, walls_b, prior, config)
+    candidates = best_candidates(problem)
+    return (problem, candidates) if candidates else None
 
 
 def collect_samples(pairs: Sequence[SubmapPair], guided: bool, rng: np.random.Generator) -> Dataset:
@@ -133,25 +133,25 @@ def collect_samples(pairs: Sequence[SubmapPair], guided: bool, rng: np.random.Ge
         result = _search(pair, prior, config)
         if result is None:
             continue
-        scene, candidates = result
-        evidence, standing = shown(scene, candidates, config)
+        problem, candidates = result
+        shared, scores = score_best(problem, candidates)
         right = pair.bin != STRANGERS and is_right(candidates[0].T_a_b, pair.T_a_b, pair.middle_b)
         limits = config.acceptance
         allowed = (
-            evidence.overlap_area >= limits.min_overlap
-            and evidence.open_area >= limits.min_open
-            and standing.odds - standing.rival >= limits.min_lead
-            and standing.rivalry <= limits.max_rivalry
+            shared.overlap_area >= limits.min_overlap
+            and shared.open_area >= limits.min_open
+            and scores.lead >= limits.min_lead
+            and scores.ambiguity_ratio <= limits.max_ambiguity
         )
-        rows.append((features(evidence, standing), right, allowed, guided, pair.bin, pair.seed))
+        rows.append((features(shared, scores), right, allowed, guided, pair.bin, pair.seed))
     columns = list(zip(*rows, strict=True)) if rows else [np.zeros((0, 39)), *[()] * 5]
     kinds = (np.float64, bool, bool, bool, np.str_, np.int64)
     return Dataset(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
 
 
 def fit_likelihood(alignments: CountedAlignments) -> tuple[Array, Array, float]:
-    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of `stitch.alignment.likelihood.likeness`, from
-    alignments without a prior: a logistic regression on the features over their standard deviations."""
+    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of
+    `stitch.alignment.likelihood.overlap_log_odds`, from alignments without a prior: a logistic regression on the features over their standard deviations."""
     scale = alignments.features.std(axis=0) + SPREAD
     weights, bias = fit_logistic(alignments.features / scale, alignments.right)
     by_count, by_gap = np.split(weights / scale, [-3])

@@ -21,7 +21,7 @@ from slam.se2 import Array
 from stitch.align import AlignConfig, NoStitch, Prior, Stitch
 from stitch.alignment.raster import walls_of
 from stitch.alignment.refinement import covariance, score_field
-from stitch.alignment.verification import measure
+from stitch.alignment.verification import measure_shared_area
 from stitch.mapping.estimate import Estimate
 from stitch.mapping.offline import build_map
 
@@ -78,15 +78,15 @@ def true_stitch(a: Submap, b: Submap, prior: Prior, truth: Array, config: AlignC
     asked of ``prior``.
     """
     T_a_b = se2.between(truth[a.start], truth[b.start])
-    walls_a, walls_b = walls_of(a, config.resolution), walls_of(b, config.resolution)
+    walls_a, walls_b = (walls_of(submap, config.resolution, config.walls) for submap in (a, b))
     if len(walls_a.points) == 0 or len(walls_b.points) == 0:
         return NoStitch("a submap has no occupied cells")
-    common = measure(walls_a.raster(np.zeros(3), config.resolution), walls_b.raster(T_a_b, config.resolution))
+    still, moved = walls_a.raster(np.zeros(3), config.resolution), walls_b.raster(T_a_b, config.resolution)
+    common = measure_shared_area(still, moved)
     limits = config.acceptance
     if common.overlap_area < limits.min_overlap or common.open_area < limits.min_open:
         return NoStitch("the maps have too little in common")
-    penalty = float(np.sqrt(config.free_penalty * config.lenient_penalty))
-    field = score_field(walls_a, walls_b, penalty, None, config)
+    field = score_field(walls_a, walls_b, None, config)
     sigma = covariance(field, T_a_b, walls_b.points.mean(axis=0))
     shared = float(field.agreement(T_a_b[None])[0])
     return Stitch(T_a_b, (sigma + sigma.T) / 2.0, shared, common.overlap_area, common.agreement)

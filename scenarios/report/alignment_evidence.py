@@ -163,4 +163,4 @@ def score_surface(a: Walls, b: Walls, T_a_b: Array, config: AlignConfig) -> Corr
     moving = rasterise(b.points, b.grid, np.array([0.0, 0.0, T_a_b[2]]), RESOLUTION)
     shape = padded_shape(still, [moving])
     window = (T_a_b[:2] - REACH, T_a_b[:2] + REACH)
-    return correlate(spectra(still, shape), spectra(moving, shape), config.blur, window)
+    return correlate(spectra(still, shape), spectra(moving, shape), config.search.blur, window)

@@ -176,7 +176,7 @@ def _draw_axis(left: Axes, right: Axes, axis: AxisSpectra, name: str) -> None:
 
 def _draw_surface(ax: Axes, surface: Correlation, T: Array, config: AlignConfig) -> None:
     """Score of shifts around the answer: bright where walls lie on walls."""
-    score = surface.score(config.lenient_penalty)
+    score = surface.score(config.search.lenient_penalty)
     height, width = score.shape
     x, y = surface.first - 0.5 * surface.resolution
     extent = (x, x + width * surface.resolution, y, y + height * surface.resolution)

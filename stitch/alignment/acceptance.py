@@ -1,4 +1,4 @@
-"""How far an alignment may be believed: what speaks for it and against it, weighed by experience."""
+"""Acceptance classifier: the log-odds that an alignment is right, from all its scores."""
 
 from __future__ import annotations
 
@@ -11,18 +11,20 @@ from typing import Any
 import numpy as np
 
 from slam.se2 import Array
-from stitch.alignment.verification import Evidence, Standing
+from stitch.alignment.verification import CandidateScores, SharedArea
 
 NO_RIVAL = -20.0
-"""Log-odds that stand for a rival where there is none, or hardly one."""
+"""Least log-odds of a rival, and those of one that does not exist. This and the next two are part of what was
+learnt: not settings."""
 RIVALS = 3
-SHARED = 4
-"""A wall point is shared when it meets one within this class of `stitch.alignment.likelihood.DISTANCES`."""
+SHARED_CLASSES = 4
+"""A wall point is shared when its distance is in one of the first so many classes of
+`stitch.alignment.likelihood.DISTANCES`."""
 
 
 @dataclass(frozen=True)
-class Network:
-    """Log-odds from F features through one hidden layer of H units.
+class AcceptanceClassifier:
+    """Log-odds from F features, by a neural net with one hidden layer of H units.
 
     Features are centred by ``mean (F,)`` and divided by ``scale (F,)``; then
     ``tanh(x @ inner (F, H) + offset (H,)) @ outer (H,) + bias``.
@@ -41,44 +43,45 @@ class Network:
         return hidden @ self.outer + self.bias
 
     def save(self, path: Path) -> None:
-        """Write it where `learnt` reads one."""
+        """Write the weights as the ``.npz`` that `learnt` reads."""
         weights: dict[str, Any] = {name: np.float32(value) for name, value in asdict(self).items()}
         np.savez_compressed(path, **weights)
 
     @classmethod
     @cache
-    def learnt(cls) -> Network:
-        """The one that comes with the package; ``python -m scenarios.ablate belief`` learns it."""
+    def learnt(cls) -> AcceptanceClassifier:
+        """The classifier that comes with the package; ``python -m scenarios.ablate belief`` learns it."""
         with files("stitch.alignment").joinpath("acceptance.npz").open("rb") as file, np.load(file) as stored:
             return cls(*(stored[field.name].astype(np.float64) for field in fields(cls)))
 
 
-def features(evidence: Evidence, standing: Standing) -> Array:
-    """What is known of an alignment, as numbers ``(39,)`` of like size.
+def features(shared: SharedArea, scores: CandidateScores) -> Array:
+    """All scores of an alignment as numbers ``(39,)`` of like size.
 
-    Its odds, its rivals' and its lead, its firmness, the areas in common and the agreement; roots and
-    logarithms of what its `stitch.alignment.likelihood.Tally` counts; what the prior says.
+    Its log-odds, its rivals' and its lead, its positional distinctness, the areas in common and the
+    agreement; roots and logarithms of the overlap counts; the prior's penalty and whether there is one.
     """
-    rivals = np.maximum([*standing.rivals[:RIVALS], *[NO_RIVAL] * RIVALS][:RIVALS], NO_RIVAL)
-    counts, gaps = standing.tally.counts, standing.tally.gaps
-    met, missed = counts[:, :, :-1], counts[:, :, -1]
-    shared, against = met[:, 0, :SHARED].sum(axis=1), missed[:, :2].max(axis=1)
+    rivals = np.maximum([*scores.rivals[:RIVALS], *[NO_RIVAL] * RIVALS][:RIVALS], NO_RIVAL)
+    counts, gaps = scores.overlap.counts, scores.overlap.gaps
+    near, off = counts[:, :, :-1], counts[:, :, -1]
+    same, against = near[:, 0, :SHARED_CLASSES].sum(axis=1), off[:, :2].max(axis=1)
+    distinctness = np.clip(scores.positional_distinctness, -1.0, 1.0)
     return np.concatenate(
         [
-            [standing.odds, *rivals, standing.odds - rivals[0], np.clip(standing.firmness, -1.0, 1.0)],
-            np.log1p([evidence.overlap_area, evidence.open_area]),
-            [evidence.agreement, shared.sum() / max(shared.sum() + against.sum(), 1)],
-            np.sqrt(met[:, 0].ravel()),
-            np.sqrt(met[:, 1].sum(axis=1)),
-            np.log1p(shared),
-            np.log1p(missed.ravel()),
+            [scores.log_odds, *rivals, scores.log_odds - rivals[0], distinctness],
+            np.log1p([shared.overlap_area, shared.open_area]),
+            [shared.agreement, same.sum() / max(same.sum() + against.sum(), 1)],
+            np.sqrt(near[:, 0].ravel()),
+            np.sqrt(near[:, 1].sum(axis=1)),
+            np.log1p(same),
+            np.log1p(off.ravel()),
             np.log1p(gaps),
             np.sqrt(gaps[1:]),
-            [standing.unlikely, float(standing.guided)],
+            [scores.prior_penalty, float(scores.has_prior)],
         ]
     )
 
 
-def belief(evidence: Evidence, standing: Standing) -> float:
+def acceptance_log_odds(shared: SharedArea, scores: CandidateScores) -> float:
     """Log-odds that the alignment is right."""
-    return float(Network.learnt().log_odds(features(evidence, standing)))
+    return float(AcceptanceClassifier.learnt().log_odds(features(shared, scores)))

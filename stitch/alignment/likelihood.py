@@ -1,4 +1,4 @@
-"""Is it the same place? What every wall point of one map meets in the other, weighed by experience."""
+"""Overlap likelihood: do two maps show the same place? By what their wall points meet in each other."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slam.se2 import Array
 from stitch.alignment.raster import Walls
 
 DISTANCES = np.array([0.02, 0.04, 0.07, 0.12, 0.2, 0.35])
-"""Classes of how far [m] a wall point is from the other map's nearest wall."""
+"""Limits [m] of the classes of a wall point's distance from the other map's nearest wall."""
 
 WEIGHTS = np.array(
     [
@@ -27,21 +27,21 @@ WEIGHTS = np.array(
         ],
     ]
 )
-"""Of the roots of a `Tally.counts`."""
+"""Weights of the square roots of `OverlapCounts.counts`."""
 GAPS = np.array([-0.47, 0.04, -2.21])
-"""Of the roots of its `Tally.gaps`."""
-BIAS, GUIDED = -9.69, 6.19
-"""The log-odds of maps that never meet, and what a prior of 1 m and 10° adds where it expects them.
+"""Weights of the square roots of `OverlapCounts.gaps`."""
+BIAS, PRIOR_BONUS = -9.69, 6.19
+"""Log-odds of maps that never meet, and what a prior of 1 m and 10° adds where it expects them.
 
 All are learnt: ``python -m scenarios.ablate likeness`` prints them."""
 
 
 @dataclass(frozen=True)
-class Ground:
-    """A map for the walls of another to meet.
+class FreeSpaceMap:
+    """A map in which the wall points of another are looked up.
 
-    ``kinds (n,)``: 0 for a point of a long straight wall, 1 for what may be furniture; ``nearest (H, W)``:
-    row of the wall point nearest to a cell of the map's grid, -1 beyond the last of `DISTANCES`.
+    ``kinds (n,)`` of its own wall points: 0 on a long straight wall, 1 for what may be furniture; ``nearest
+    (H, W)``: row of the wall point nearest to a cell of the map's grid, -1 beyond the last of `DISTANCES`.
     """
 
     walls: Walls
@@ -49,8 +49,8 @@ class Ground:
     nearest: np.ndarray
 
     @classmethod
-    def of(cls, walls: Walls) -> Ground:
-        """The ground that walls make."""
+    def of(cls, walls: Walls) -> FreeSpaceMap:
+        """That of a submap's walls and free space."""
         from stitch.alignment.likelihood_kernels import nearest_points
 
         grid = walls.grid
@@ -60,41 +60,40 @@ class Ground:
 
 
 @dataclass(frozen=True)
-class Tally:
-    """How many wall points, of both maps, met what in the other.
+class OverlapCounts:
+    """How many wall points, of both maps together, meet what in the other map.
 
-    ``counts (2, 3, 7)``: by kind of the point (see `Ground`); by how the surfaces face: the same way,
-    opposite ways, unknown; by distance (`DISTANCES`). The last column holds, in place of facing: beside a
-    wall in its free space (such a point is counted at its distance as well), in free space far from any wall,
+    ``counts (2, 3, 7)``: by kind of the point (see `FreeSpaceMap`); by how the surfaces face: the same way,
+    opposite ways, unknown; by distance (`DISTANCES`). The last column counts, in place of facing: points
+    beside a wall in its free space (counted at their distance as well), in free space far from any wall, and
     where nothing is known.
 
     ``gaps (3,)``: points in free space apart from any wall, by whether the other's walls go on in line with
-    their own on neither side, on one, on both. The last have walled up a doorway of the other map: furniture
-    is moved, but walls are not.
+    their own on neither side, on one, on both. The last close a doorway of the other map, which moved
+    furniture does not.
     """
 
     counts: np.ndarray
     gaps: np.ndarray
 
 
-def tally(a: Ground, b: Ground, T_a_b: Array) -> Tally:
-    """What the walls of both maps meet when b lies at ``T_a_b (3,)``."""
-    from stitch.alignment.likelihood_kernels import meet, stand_in_gaps
+def count_overlap(a: FreeSpaceMap, b: FreeSpaceMap, T_a_b: Array) -> OverlapCounts:
+    """What the wall points of both maps meet when b lies at ``T_a_b (3,)``."""
+    from stitch.alignment.likelihood_kernels import WallLookup, classify_points, count_gap_points
 
     counts, gaps = np.zeros((2, 3, len(DISTANCES) + 1), dtype=np.int64), np.zeros(3, dtype=np.int64)
-    met, missed = counts[:, :, :-1], counts[:, :, -1]
+    near, off = counts[:, :, :-1], counts[:, :, -1]
     for still, moving, T in ((a, b, np.asarray(T_a_b, dtype=np.float64)), (b, a, se2.inverse(T_a_b))):
-        grid, others, facing = still.walls.grid, still.walls.points, still.walls.facing
-        moved = moving.walls.points, moving.walls.facing
-        ground = still.nearest, grid.free, grid.origin, grid.resolution, others, facing
-        meet(*moved, moving.kinds, T, *ground, DISTANCES, met, missed)
-        stand_in_gaps(*moved, T, *ground, gaps)
-    return Tally(counts, gaps)
+        grid, walls, moved = still.walls.grid, still.walls, moving.walls
+        onto = WallLookup(still.nearest, grid.free, grid.origin, grid.resolution, walls.points, walls.facing)
+        classify_points(moved.points, moved.facing, moving.kinds, T, onto, DISTANCES, near, off)
+        count_gap_points(moved.points, moved.facing, T, onto, gaps)
+    return OverlapCounts(counts, gaps)
 
 
-def likeness(found: Tally) -> float:
-    """Log-odds that maps whose walls meet so show the same place.
+def overlap_log_odds(overlap: OverlapCounts) -> float:
+    """Log-odds that two maps with this overlap show the same place there.
 
-    Square roots, as points along one wall are no independent witnesses.
+    Square roots, as neighbouring points along one wall are not independent.
     """
-    return float(np.sum(WEIGHTS * np.sqrt(found.counts)) + GAPS @ np.sqrt(found.gaps) + BIAS)
+    return float(np.sum(WEIGHTS * np.sqrt(overlap.counts)) + GAPS @ np.sqrt(overlap.gaps) + BIAS)

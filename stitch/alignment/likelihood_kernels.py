@@ -1,6 +1,8 @@
-"""What the walls of one map meet in another: the loops over points."""
+"""Loops over the wall points of one map that look up what another map has where they lie."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -8,16 +10,32 @@ from numba import njit
 from slam.se2 import Array
 
 FACING = 0.3
-"""Cosine from which two surfaces face the same way, and below whose negative opposite ways."""
-BESIDE = 0.15
-"""A point in free space so far [m] from a wall has missed it."""
-KNOWN = 0.5
-"""Length of a mean normal from which it is one."""
-WIDEST = 1.5
-"""Of a gap in a wall [m]: a doorway's."""
-APART, IN_LINE, PARALLEL = 0.2, 0.12, 0.9
-"""What stands in a gap is so far from any wall [m]; walls go on beyond it within so much of the line [m], and
-face, either way, by a cosine of so much as it does."""
+"""Two surfaces face the same way when the cosine between their normals is above this, opposite ways when it
+is below its negative. This and the next four are part of what the weights were learnt for: not settings."""
+MISSED = 0.15
+"""A point in free space that is farther [m] than this from a wall counts as off the wall."""
+MIN_NORMAL = 0.5
+"""Mean normals shorter than this are treated as undefined."""
+MAX_GAP = 1.5
+"""Widest gap in a wall [m] that counts: a doorway's."""
+GAP_CLEARANCE, GAP_OFFSET, GAP_COSINE = 0.2, 0.12, 0.9
+"""A point is in a wall gap if it is this far [m] from every wall, and walls go on beyond it within so much
+[m] of its line and with at least this |cosine| to its normal."""
+
+
+class WallLookup(NamedTuple):
+    """A map as its cells ``(H, W)``, cell (0, 0) starting at ``origin (2,)`` m, and its walls.
+
+    ``nearest (H, W)``: row of the wall point nearest to the cell's middle, or -1; ``free (H, W)``; the wall
+    ``points (m, 2)`` m and the mean normals ``facing (m, 2)`` of their surfaces.
+    """
+
+    nearest: np.ndarray
+    free: np.ndarray
+    origin: Array
+    resolution: float
+    points: Array
+    facing: Array
 
 
 @njit(cache=True)
@@ -46,90 +64,100 @@ def nearest_points(points: Array, origin: Array, shape: tuple[int, int], resolut
 
 
 @njit(cache=True, error_model="numpy")
-def meet(points: Array, facing: Array, kind: np.ndarray, T: Array, nearest: np.ndarray, free: np.ndarray,
-         origin: Array, resolution: float, others: Array, others_facing: Array, limits: Array,
-         met: np.ndarray, missed: np.ndarray) -> None:  # fmt: skip
-    """Counts what points ``(n, 2)``, moved by ``T (3,)``, meet in a map whose walls are ``others (m, 2)``.
+def classify_points(points: Array, facing: Array, kind: np.ndarray, T: Array, onto: WallLookup,
+                    limits: Array, near: np.ndarray, off: np.ndarray) -> None:  # fmt: skip
+    """Adds points ``(n, 2)``, moved by ``T (3,)``, to the counts of what they meet in another map.
 
-    ``met (2, 3, D)``: by ``kind (n,)``, by how the surfaces face (same way, opposite, unknown) and by the
-    first of ``limits (D,)`` m that their distance (across the wall where that is known) is within.
-    ``missed (2, 3)``: by kind, in the free space a little off a wall, far from any, and nothing known there.
+    ``near (2, 3, D)``: by ``kind (n,)``, by how the surfaces face (same way, opposite, unknown) and by the
+    first of ``limits (D,)`` m that holds their distance (across the wall where its normal is known).
+    ``off (2, 3)``: by kind; in the free space beside a wall, in free space far from any, in unknown cells.
     """
     c, s = np.cos(T[2]), np.sin(T[2])
     for n in range(points.shape[0]):
         x = c * points[n, 0] - s * points[n, 1] + T[0]
         y = s * points[n, 0] + c * points[n, 1] + T[1]
-        j, i = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
-        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
-            missed[kind[n], 2] += 1
+        i, j = _cell(x, y, onto)
+        if not _is_inside(i, j, onto):
+            off[kind[n], 2] += 1
             continue
-        k = nearest[i, j]
+        k = onto.nearest[i, j]
         if k < 0:
-            missed[kind[n], 1 if free[i, j] else 2] += 1
+            off[kind[n], 1 if onto.free[i, j] else 2] += 1
             continue
-        nx, ny = others_facing[k, 0], others_facing[k, 1]
+        nx, ny = onto.facing[k, 0], onto.facing[k, 1]
         size = np.sqrt(nx * nx + ny * ny)
-        dx, dy = x - others[k, 0], y - others[k, 1]
-        distance = abs(dx * nx + dy * ny) / size if size > KNOWN else np.sqrt(dx * dx + dy * dy)
-        if free[i, j] and distance > BESIDE:
-            missed[kind[n], 0] += 1
-        alike = nx * (c * facing[n, 0] - s * facing[n, 1]) + ny * (s * facing[n, 0] + c * facing[n, 1])
-        way = 0 if alike > FACING else (1 if alike < -FACING else 2)
-        beyond = 0  # counted, not searched for: which one it is cannot be guessed ahead
+        dx, dy = x - onto.points[k, 0], y - onto.points[k, 1]
+        distance = abs(dx * nx + dy * ny) / size if size > MIN_NORMAL else np.sqrt(dx * dx + dy * dy)
+        if onto.free[i, j] and distance > MISSED:
+            off[kind[n], 0] += 1
+        cosine = nx * (c * facing[n, 0] - s * facing[n, 1]) + ny * (s * facing[n, 0] + c * facing[n, 1])
+        way = 0 if cosine > FACING else (1 if cosine < -FACING else 2)
+        beyond = 0  # counted without branches, which the processor could not predict
         for limit in limits:
             beyond += not distance <= limit
         if beyond < len(limits):
-            met[kind[n], way, beyond] += 1
+            near[kind[n], way, beyond] += 1
 
 
 @njit(cache=True)
-def stand_in_gaps(points: Array, facing: Array, T: Array, nearest: np.ndarray, free: np.ndarray,
-                  origin: Array, resolution: float, others: Array, others_facing: Array,
-                  counts: np.ndarray) -> None:  # fmt: skip
-    """Counts points ``(n, 2)``, moved by ``T (3,)``, in free space apart from the walls ``others (m, 2)``.
+def count_gap_points(points: Array, facing: Array, T: Array, onto: WallLookup, counts: np.ndarray) -> None:
+    """Adds points ``(n, 2)``, moved by ``T (3,)``, that lie in free space apart from another map's walls.
 
     ``counts (3,)``: by whether those walls go on, in line with the point's own, on neither side, on one, or
-    on both, no farther apart than `WIDEST`.
+    on both, no farther apart than `MAX_GAP`.
     """
     c, s = np.cos(T[2]), np.sin(T[2])
     for n in range(points.shape[0]):
         x = c * points[n, 0] - s * points[n, 1] + T[0]
         y = s * points[n, 0] + c * points[n, 1] + T[1]
-        j, i = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
-        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1] and free[i, j]):
+        i, j = _cell(x, y, onto)
+        if not (_is_inside(i, j, onto) and onto.free[i, j]):
             continue
-        k = nearest[i, j]
-        if k >= 0 and np.hypot(others[k, 0] - x, others[k, 1] - y) < APART:
+        k = onto.nearest[i, j]
+        if k >= 0 and np.hypot(onto.points[k, 0] - x, onto.points[k, 1] - y) < GAP_CLEARANCE:
             continue
         nx, ny = c * facing[n, 0] - s * facing[n, 1], s * facing[n, 0] + c * facing[n, 1]
         size = np.hypot(nx, ny)
-        if size <= KNOWN:
+        if size <= MIN_NORMAL:
             counts[0] += 1
             continue
         line = (x, y, nx / size, ny / size)
-        left = _goes_on(line, 1.0, nearest, origin, resolution, others, others_facing)
-        right = _goes_on(line, -1.0, nearest, origin, resolution, others, others_facing)
-        sides = int(left <= WIDEST) + int(right <= WIDEST)
-        counts[2 if left + right <= WIDEST else min(sides, 1)] += 1
+        left, right = _next_wall(line, 1.0, onto), _next_wall(line, -1.0, onto)
+        sides = int(left <= MAX_GAP) + int(right <= MAX_GAP)
+        counts[2 if left + right <= MAX_GAP else min(sides, 1)] += 1
 
 
 @njit(cache=True)
-def _goes_on(line, way, nearest, origin, resolution, others, others_facing):
-    """How far along a ``line`` (x, y, and its normal), one ``way`` or the other (1, -1), the next wall in
-    line with it is; infinity beyond `WIDEST`."""
+def _next_wall(line, way, onto):
+    """Distance [m] along a ``line`` (x, y and its normal), ``way`` 1 or -1, to the next wall in line with it;
+    infinity beyond `MAX_GAP`."""
     x, y, nx, ny = line
-    for step in range(1, int(2.0 * WIDEST / resolution) + 1):
-        far = 0.5 * step * resolution
+    for step in range(1, int(2.0 * MAX_GAP / onto.resolution) + 1):
+        far = 0.5 * step * onto.resolution
         px, py = x - way * far * ny, y + way * far * nx
-        j, i = int(np.floor((px - origin[0]) / resolution)), int(np.floor((py - origin[1]) / resolution))
-        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
+        i, j = _cell(px, py, onto)
+        if not _is_inside(i, j, onto):
             break
-        k = nearest[i, j]
+        k = onto.nearest[i, j]
         if k < 0:
             continue
-        dx, dy = others[k, 0] - px, others[k, 1] - py
-        fx, fy = others_facing[k, 0], others_facing[k, 1]
-        in_line = abs(dx * nx + dy * ny) <= IN_LINE and abs(dy * nx - dx * ny) <= resolution
-        if in_line and abs(fx * nx + fy * ny) >= PARALLEL * max(np.hypot(fx, fy), KNOWN):
+        dx, dy = onto.points[k, 0] - px, onto.points[k, 1] - py
+        fx, fy = onto.facing[k, 0], onto.facing[k, 1]
+        in_line = abs(dx * nx + dy * ny) <= GAP_OFFSET and abs(dy * nx - dx * ny) <= onto.resolution
+        if in_line and abs(fx * nx + fy * ny) >= GAP_COSINE * max(np.hypot(fx, fy), MIN_NORMAL):
             return far
     return np.inf
+
+
+@njit(cache=True)
+def _cell(x, y, onto):
+    """Row and column of the cell that a point lies in."""
+    return (
+        int(np.floor((y - onto.origin[1]) / onto.resolution)),
+        int(np.floor((x - onto.origin[0]) / onto.resolution)),
+    )
+
+
+@njit(cache=True)
+def _is_inside(i, j, onto):
+    return 0 <= i < onto.nearest.shape[0] and 0 <= j < onto.nearest.shape[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -28,13 +29,24 @@ class Prior:
         if np.linalg.eigvalsh(self.covariance)[0] <= 0.0:
             raise ValueError("prior: expected a positive definite covariance")
 
-    def distance(self, T_a_b: Array) -> Array:
-        """Squared Mahalanobis distances ``(...)`` of poses ``(..., 3)``, errors taken in b's axes."""
+    def distance(self, T_a_b: Array, covariance: Array | None = None) -> Array:
+        """Squared Mahalanobis distances ``(...)`` of poses ``(..., 3)``, errors taken in b's axes.
+
+        ``covariance (3, 3)``, right tangent, is that of the poses themselves, where they have one.
+        """
         error = T_a_b - self.T_a_b
         error[..., 2] = se2.wrap(error[..., 2])
         error[..., :2] = error[..., :2] @ se2.rotation(self.T_a_b[2])  # row vectors: this is Rᵀ t
-        information = np.linalg.inv(self.covariance)
+        information = np.linalg.inv(self.covariance if covariance is None else self.covariance + covariance)
         return np.einsum("...i,ij,...j->...", error, information, error)
+
+
+@cache
+def max_distance(confidence: float) -> float:
+    """Squared Mahalanobis distance of poses that lie within it with probability ``confidence``: χ²₃."""
+    from scipy.stats import chi2
+
+    return float(chi2.ppf(confidence, 3))
 
 
 @dataclass(frozen=True)
@@ -50,9 +62,9 @@ class Stitch:
     """Submap b lies at ``T_a_b (3,)`` in the frame of submap a.
 
     ``covariance (3, 3)`` in the right tangent, None where the method has none; ``score`` on a scale of the
-    method's own, more is better; ``overlap_area`` m² known in both maps; ``agreement`` the share of the
-    walls in the overlap that both maps have; ``alternatives`` the other candidates, best first; ``belief``
-    the log-odds that it is right (`stitch.alignment.acceptance`), None where the method has none.
+    method's own, more is better; ``overlap_area`` m² known in both maps; ``agreement``: share of the walls in
+    the overlap that both maps have; ``alternatives``: the other candidates, best first; ``belief``: log-odds
+    that it is right (`stitch.alignment.acceptance`), None where the method has none.
     """
 
     T_a_b: Array

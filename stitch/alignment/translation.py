@@ -20,7 +20,7 @@ def by_spectra(
 
     Occupied points ``(n, 2)`` of a are turned by ``-direction``, the dominant direction of a's walls, those
     of b by ``yaw - direction``, both about their origins; the counts along each axis are correlated on their
-    own. The score is the sum of the two maxima. The report's program takes each lag 2 pixels short; that is
+    own. The score is the sum of the two maxima. The thesis's program takes each lag 2 pixels short; that is
     not reproduced.
     """
     turned_a = points_a @ se2.rotation(-direction).T
@@ -52,7 +52,7 @@ def correlation_along(along_a: Array, along_b: Array, resolution: float) -> tupl
 
 
 def profile(coordinates: Array, resolution: float) -> tuple[Array, int]:
-    """Points per cell along one axis (the report's spectrum) and the lattice index of the first cell."""
+    """Points per cell along one axis (the thesis's spectrum) and the lattice index of the first cell."""
     cells = np.floor(coordinates / resolution).astype(np.int64)
     first = int(cells.min())
     return np.bincount(cells - first).astype(np.float64), first
@@ -60,21 +60,18 @@ def profile(coordinates: Array, resolution: float) -> tuple[Array, int]:
 
 LINE = 2.0 * np.sqrt(np.pi)
 """What a cell of a straight wall scores against another such wall, both blurred by one cell."""
-FACING = 0.5
-"""Share of the agreement that depends on which way walls face: seen from opposite sides they do not agree."""
 BLUR_REACH = 8.0
-"""Blurs after which both maps' together, √2 as wide, is nothing in single precision."""
+"""Reach of the blur in its standard deviations: beyond it both maps' blurs vanish in single precision."""
 
 
 @dataclass(frozen=True)
 class Spectra:
-    """Fourier transforms ``(4, H, W)`` of a raster, padded to ``shape`` against wrapping.
-
-    Of its walls, its free space, and both components of the way its walls face.
+    """Fourier transforms ``(4, H, W)`` of a raster, padded to ``shape`` against wrapping: of its walls, its
+    free space, and both components of its walls' normals.
 
     Element 0 is the lattice cell ``first (2,)``; the others are at indices ``low`` to ``high`` (both (column,
-    row)), negative ones at the end. Where the map is ``turned`` half a turn on, its transforms are the
-    conjugates of those kept, and negative for the way walls face.
+    row)), negative ones at the end. Where the map is ``turned`` by half a turn, its transforms are the
+    conjugates of those kept, and negated for the normals.
     """
 
     transforms: np.ndarray
@@ -86,7 +83,7 @@ class Spectra:
     turned: bool = False
 
     def half_turned(self) -> Spectra:
-        """Those of the map turned by π about the lattice's origin, without drawing it again."""
+        """Spectra of the map turned by π about the lattice's origin, without drawing it again."""
         return replace(self, first=-self.first - 1.0, low=-self.high, high=-self.low, turned=not self.turned)
 
 
@@ -122,8 +119,10 @@ class Correlation:
 def padded_shape(
     a: Raster, turned: Sequence[Raster], blur: float = 1.0, window: tuple[Array, Array] | None = None
 ) -> tuple[int, int]:
-    """A quick FFT size in which correlating a with any of the maps b, ``turned`` or half a turn on, cannot
-    wrap into the shifts that `correlate` reads with the same ``blur`` and ``window``."""
+    """A quick FFT size in which no shift that `correlate` reads with this ``blur`` and ``window`` is wrapped.
+
+    For a with any of the rasters b in ``turned``, as they are or turned by half a turn.
+    """
     from scipy.fft import next_fast_len
 
     least = np.max([_least_shape(a, b, blur, window) for b in turned], axis=0)
@@ -132,14 +131,16 @@ def padded_shape(
 
 
 def _least_shape(a: Raster, b: Raster, blur: float, window: tuple[Array, Array] | None) -> Array:
-    """Columns and rows ``(2,)`` that hold both maps, and keep the lags of the window out of reach of those
-    that fold onto them."""
+    """Columns and rows ``(2,)`` that hold both maps and keep wrapped lags out of the window's reach."""
     size_a, size_b = (np.array(raster.occupied.shape[::-1]) for raster in (a, b))
     lags = size_a + size_b - 1
     if window is None:
         return lags
     least, reach = np.maximum(size_a, size_b), np.ceil(BLUR_REACH * blur) + 1.0
-    for first, lowest in ((b.first, 1 - size_b), (-b.first - 1.0, np.zeros(2))):  # as it is, half a turn on
+    for first, lowest in (
+        (b.first, 1 - size_b),
+        (-b.first - 1.0, np.zeros(2)),
+    ):  # as it is, turned by half a turn
         highest, offset = lowest + lags - 1, a.first - first
         low = np.maximum(lowest, np.floor(window[0] / a.resolution - offset))
         high = np.minimum(highest, np.ceil(window[1] / a.resolution - offset))
@@ -157,7 +158,7 @@ def spectra(raster: Raster, shape: tuple[int, int], out: np.ndarray | None = Non
     height, width = raster.occupied.shape
     facing = (None, None) if raster.facing is None else raster.facing
     transforms = np.empty((4, *transform_shape(shape)), dtype=np.complex64) if out is None else out
-    # what rfft2 does, but for the padding's rows, of which nothing comes
+    # what rfft2 does, without transforming the padding's rows, which are zero
     for layer, transform in zip((raster.walls, raster.free, *facing), transforms, strict=True):
         if layer is None:
             transform[:] = 0.0
@@ -175,26 +176,31 @@ def transform_shape(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 def correlate(
-    a: Spectra, b: Spectra, blur: float = 1.0, window: tuple[Array, Array] | None = None
+    a: Spectra,
+    b: Spectra,
+    blur: float = 1.0,
+    window: tuple[Array, Array] | None = None,
+    facing_share: float = 0.5,
 ) -> Correlation:
     """How well two maps fit at all translations of b.
 
     Agreement counts coinciding walls, blurred by ``blur`` cells on both sides and scaled so that one
     coinciding cell counts 1 (a cell of a straight wall also collects its neighbours' blur, `LINE` in all
-    for a blur of 1), where both face the same way: opposite ways count nothing, and half where either's
-    is unknown (`FACING`). Conflict counts walls in the other's free space. ``window`` = (low (2,), high
-    (2,)) m limits the answer to some translations. Shapes larger than both maps together keep the FFT
-    from wrapping.
+    for a blur of 1). Of that, ``facing_share`` is times the cosine between the walls' normals, which is 0
+    where either is unknown. Conflict counts walls in the other's free space. ``window`` = (low (2,), high
+    (2,)) m limits the answer to some translations. Raises ``ValueError`` for spectra of different
+    shape, or a turned.
     """
     from scipy.fft import irfft2
 
-    from stitch.alignment.kernels import multiply
+    from stitch.alignment.raster_kernels import multiply_spectra
 
     if a.shape != b.shape:
         raise ValueError(f"spectra of different shape: {a.shape} and {b.shape}")
     if a.turned:
-        raise ValueError("spectra of a half a turn on: expected only those of b to be")
-    products = multiply(a.transforms, b.transforms, _blur_gain(a.shape, blur), FACING, b.turned)
+        raise ValueError("spectra of a are turned: expected only those of b to be")
+    gain = _blur_gain(a.shape, blur)
+    products = multiply_spectra(a.transforms, b.transforms, gain, facing_share, b.turned)
     offset = a.first - b.first
     low, high = a.low - b.high, a.high - b.low
     if window is not None:
@@ -239,13 +245,13 @@ def _blur_gain(shape: tuple[int, int], blur: float) -> np.ndarray:
 def best_shifts(score: np.ndarray, count: int, separation: int) -> list[tuple[int, int]]:
     """(row, column) of the best finite scores, strongest first, more than ``separation`` cells apart."""
     left = score.copy()
-    found: list[tuple[int, int]] = []
-    while len(found) < count and left.size:
+    best: list[tuple[int, int]] = []
+    while len(best) < count and left.size:
         row, column = np.unravel_index(int(np.argmax(left)), left.shape)
         if not np.isfinite(left[row, column]):
             break
-        found.append((int(row), int(column)))
+        best.append((int(row), int(column)))
         rows = slice(max(row - separation, 0), row + separation + 1)
         columns = slice(max(column - separation, 0), column + separation + 1)
         left[rows, columns] = -np.inf
-    return found
+    return best

@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from slam.mapping.occupancy import Grid
 from slam.scan import Scan
 from slam.se2 import Array
+from stitch.alignment.config import COUNT, POSITIVE, SHARE, check
 from stitch.alignment.raster import dilated
 
-REACH = 0.3
-"""Radius [m] of the cells that a wall's direction is read from."""
-LEAST_REACH, MOST_REACH = 3.0, 12.0
-"""Limits of that radius in cells."""
-LEAST_NEIGHBOURS = 4
 ROUNDING = 1.0 / 12.0
 """Variance [cells²] of what a cell's centre rounds."""
-STRAIGHT = 0.25
-"""Largest scatter across a wall, as a share of that along it, at which it has a direction."""
 
 
-def surfaces(grid: Grid) -> Scan:
+@dataclass(frozen=True)
+class SurfaceConfig:
+    """How a wall's direction is read off the cells around each of its own."""
+
+    radius: float = 0.3
+    """Radius [m] of the cells that are read."""
+    radius_cells: tuple[float, float] = (3.0, 12.0)
+    """Least and largest radius in cells."""
+    min_neighbours: int = 4
+    """Cells without which there is no direction."""
+    max_scatter_ratio: float = 0.25
+    """Variance across the wall over that along it, above which there is no direction."""
+
+    def __post_init__(self) -> None:
+        check(self, radius=POSITIVE, radius_cells=POSITIVE, min_neighbours=COUNT, max_scatter_ratio=SHARE)
+
+
+DEFAULT = SurfaceConfig()
+
+
+def surfaces(grid: Grid, config: SurfaceConfig = DEFAULT) -> Scan:
     """Points on the surfaces of a grid's walls, in the grid's frame, as a laser would have left them.
 
     A surface cell becomes a point on the straight line through its neighbours (its centre where that would
@@ -33,9 +49,10 @@ def surfaces(grid: Grid) -> Scan:
     open_cells = _open(grid)
     surface = grid.occupied & dilated(open_cells)
     cells = np.argwhere(surface)
-    reach = float(np.clip(REACH / grid.resolution, LEAST_REACH, MOST_REACH))
+    reach = float(np.clip(config.radius / grid.resolution, *config.radius_cells))
     mean, direction, scatter, count, sides = lines_through(surface, open_cells, cells, reach)
-    straight = (count >= LEAST_NEIGHBOURS) & (scatter[:, 1] <= STRAIGHT * scatter[:, 0])
+    straight = count >= config.min_neighbours
+    straight &= scatter[:, 1] <= config.max_scatter_ratio * scatter[:, 0]
     tangent = np.stack([np.cos(direction), np.sin(direction)], -1)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], -1)
     centres = cells[:, ::-1] + 0.5

@@ -42,7 +42,7 @@ def check_size(submaps: Sequence[Submap], config: AlignConfig) -> None:
         [[submap.grid.resolution] for submap in submaps]
     )
     longest = np.max(np.hypot(*sides.T))  # of a map turned by any angle
-    cells = float(np.max(np.prod((sides + longest) / config.search_resolution, axis=1)))
+    cells = float(np.max(np.prod((sides + longest) / config.search.resolution, axis=1)))
     if not cells <= MAX_SEARCH:
         need, most = (BYTES_PER_SEARCH_CELL * count / 1e9 for count in (cells, MAX_SEARCH))
         size = ", ".join(f"{width:.0f} x {height:.0f} m" for height, width in sides)

@@ -44,7 +44,7 @@ def placed(grid: Grid, T: Array, onto: Grid) -> Grid:
     Occupied cells are moved as points, dense enough to leave no holes; free space is looked up from the
     centre of each target cell.
     """
-    from stitch.alignment.kernels import look_up
+    from stitch.alignment.raster_kernels import look_up
 
     height, width = onto.occupied.shape
     points = se2.transform(T, _dense_points(grid, onto.resolution))

@@ -30,7 +30,7 @@ from slam.mapping.submap import Submap
 from slam.recording import Source
 from slam.se2 import Array
 from stitch.align import NoStitch, Prior, Stitch
-from stitch.alignment.config import AlignConfig
+from stitch.alignment.config import AlignConfig, CovarianceConfig
 from stitch.mapping.estimate import LoopCandidate
 
 BACK_ENDS: tuple[Loss, ...] = get_args(Loss)
@@ -80,7 +80,9 @@ class LoopConfig:
     """How often a pair is tried at most."""
     max_residual: tuple[float, float, float] = (0.2, 0.2, np.radians(1.5))
     """A stitch that the finished bundle has further elsewhere (m, m, rad) does not count as accepted."""
-    align: AlignConfig = field(default_factory=lambda: AlignConfig(warp=(0.01, 0.0026)))
+    align: AlignConfig = field(
+        default_factory=lambda: AlignConfig(covariance=CovarianceConfig(warp=(0.01, 0.0026)))
+    )
     """How two submaps are aligned: those of a few metres bend less than its default says."""
     back_end: Loss = "gnc"
     """How the graph judges stitches, one of `BACK_ENDS`."""

@@ -18,17 +18,6 @@ from stitch.alignment.rotation import common_directions, hypotheses, reason_agai
 from stitch.alignment.translation import lags
 from stitch.published.pair import Pair, near, pair
 
-BINS = 360
-"""Of θ, half a degree each."""
-HYPOTHESES = 4
-"""Rotations, each with its twin half a turn away; this and the next two are the authors' program's own."""
-DIRECTIONS = 3
-"""Projections per rotation."""
-LAGS = 5
-"""Tried of each projection."""
-DISAGREEMENT = 3.0
-"""Cells by which a lag may miss the solution: one is rounding, the rest bent walls."""
-
 
 def align_censi(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -> Stitch | NoStitch:
     """The rotation and translation with the most weight of correlation behind it; without a covariance.
@@ -36,27 +25,29 @@ def align_censi(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
     A prior excludes solutions, no more. There is no test of the answer; the refusal of maps without two
     directions is ours.
     """
-    maps = pair(a, b, config)
+    settings, maps = config.censi, pair(a, b, config)
     if isinstance(maps, NoStitch):
         return maps
-    spectrum_a, spectrum_b = maps.spectra(BINS, split=True)
-    reason = reason_against_directions(spectrum_a, spectrum_b)
+    spectrum_a, spectrum_b = maps.spectra(settings.n_theta, split=True)
+    reason = reason_against_directions(spectrum_a, spectrum_b, config.directions)
     if reason is not None:
         return NoStitch(reason)
-    angles, _ = hypotheses(spectrum_a, spectrum_b, HYPOTHESES)
+    angles, _ = hypotheses(
+        spectrum_a, spectrum_b, settings.n_peaks, config.directions.separation, settings.smoothing
+    )
     found: list[Alternative] = []
     for angle in angles:
-        directions = common_directions(spectrum_a, spectrum_b, angle, DIRECTIONS)
+        directions = common_directions(spectrum_a, spectrum_b, angle, settings.directions, config.directions)
         if len(directions) >= 2:
             found += solutions(maps, angle, directions)
     if not found:
         return NoStitch("no translation agrees with the lags of all directions")
     found.sort(key=lambda solution: -solution.score)
-    allowed = near(found, prior)
+    allowed = near(found, prior, config)
     if not allowed:
         return NoStitch(f"none of {len(found)} solutions is near the prior", found[0])
     best, *others = allowed
-    return maps.stitch(best, others[: 2 * HYPOTHESES])
+    return maps.stitch(best, others[: 2 * settings.n_peaks])
 
 
 def solutions(maps: Pair, yaw: float, directions: Array) -> list[Alternative]:
@@ -67,11 +58,11 @@ def solutions(maps: Pair, yaw: float, directions: Array) -> list[Alternative]:
     """
     u = np.stack([np.cos(directions), np.sin(directions)], -1)
     turned_b = maps.walls_b @ se2.rotation(yaw).T
-    resolution = maps.config.resolution
-    peaks = [lags(maps.walls_a @ axis, turned_b @ axis, resolution, LAGS) for axis in u]
+    resolution, settings = maps.config.resolution, maps.config.censi
+    peaks = [lags(maps.walls_a @ axis, turned_b @ axis, resolution, settings.lags) for axis in u]
     chosen = np.array(list(product(*(range(len(scores)) for _, scores in peaks))))
     delta, weight = (np.stack([peaks[m][part][chosen[:, m]] for m in range(len(u))], -1) for part in (0, 1))
     information = np.einsum("cm,mi,mj->cij", weight, u, u)
     t = np.linalg.solve(information, np.einsum("cm,cm,mi->ci", weight, delta, u)[..., None])[..., 0]
-    agree = np.abs(t @ u.T - delta).max(axis=1) <= DISAGREEMENT * resolution
+    agree = np.abs(t @ u.T - delta).max(axis=1) <= settings.max_residual * resolution
     return [Alternative(np.array([*t[c], yaw]), float(weight[c].sum())) for c in np.flatnonzero(agree)]

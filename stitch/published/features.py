@@ -14,32 +14,13 @@ from typing import Any
 import numpy as np
 
 from slam import se2
+from slam.formats.ros_map import FREE, OCCUPIED, UNKNOWN
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 from stitch.published.pair import near, pair, redraw
-
-OCCUPIED, FREE, UNKNOWN = 0, 254, 205
-"""Grey levels of map_server's pictures."""
-MARGIN = 32
-"""Unknown pixels around a map: detectors leave out what is near the border."""
-ORB_FEATURES = 1500
-RATIO = 0.7
-"""Of the distances to the nearest and the second descriptor, from OpenCV's stitching (match_conf 0.3)."""
-MOST_MATCHES = 500
-PROPOSERS = 150
-"""Matches, the most alike, whose pairs propose transforms; all matches vote (as Chum & Matas 2005)."""
-REACH = 3.0
-"""Pixels from its partner at which a match agrees with a transform: OpenCV's default."""
-SHORTEST = 10.0
-"""Pixels between two matches that may fix a rotation: 3 pixels of error are then 17°, before the refit."""
-LEAST_CONFIDENCE = 0.5
-"""Of ``agreeing / (8 + 0.3 matches)`` (Brown & Lowe 2007).
-
-multirobot_map_merge asks for 1, which refuses most true answers at half overlap. On 300 pairs of drawn floor
-plans (seeds 100–329) 19 of 20 false answers have less than 0.46."""
 
 
 @dataclass(frozen=True)
@@ -53,104 +34,97 @@ class Matches:
 def align_features(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -> Stitch | NoStitch:
     """The rigid transform that most matches agree with; its score is their number. Without a covariance.
 
-    There is no answer when `LEAST_CONFIDENCE` is not reached or the prior excludes what was found.
+    There is no answer when too few of the matches agree or the prior excludes what was found.
     """
     maps = pair(a, b, config)
     if isinstance(maps, NoStitch):
         return maps
-    found = matches(a.grid, b.grid, config.method, config.resolution)
-    if len(found.a) < 2:
-        return NoStitch(f"{config.method}: {len(found.a)} matching features, expected at least 2")
-    fitted = fit_rigid(found, REACH * config.resolution, SHORTEST * config.resolution)
+    matches = match_features(a.grid, b.grid, config)
+    count, method = len(matches.a), config.method
+    if count < 2:
+        return NoStitch(f"{method}: {count} matching features, expected at least 2")
+    fitted = fit_rigid(matches, config)
     if fitted is None:
-        return NoStitch(
-            f"{config.method}: no two of {len(found.a)} matching features are as far apart in both"
-        )
+        return NoStitch(f"{method}: no two of {count} matching features are as far apart in both")
     T_a_b, agreeing = fitted
     best = Alternative(T_a_b, float(agreeing))
-    least = LEAST_CONFIDENCE * (8.0 + 0.3 * len(found.a))
+    least = config.features.min_confidence * (8.0 + 0.3 * count)
     if agreeing < least:
-        return NoStitch(
-            f"{config.method}: {agreeing} of {len(found.a)} matching features agree, "
-            f"expected at least {least:.3g}",
-            best,
-        )
-    if not near([best], prior):
-        return NoStitch(f"{config.method}: the alignment is not near the prior", best)
+        reason = f"{method}: {agreeing} of {count} matching features agree, expected at least {least:.3g}"
+        return NoStitch(reason, best)
+    if not near([best], prior, config):
+        return NoStitch(f"{method}: the alignment is not near the prior", best)
     return maps.stitch(best, [])
 
 
-def matches(grid_a: Grid, grid_b: Grid, method: str, resolution: float) -> Matches:
-    """Features of both grids, drawn at ``resolution`` m, that match as seen from one of them at least."""
+def match_features(grid_a: Grid, grid_b: Grid, config: AlignConfig) -> Matches:
+    """Features of both grids, drawn at ``config.resolution``, that match as seen from one of them."""
     import cv2
 
-    points_a, descriptors_a = _features(grid_a, method, resolution)
-    points_b, descriptors_b = _features(grid_b, method, resolution)
+    points_a, descriptors_a = _features(grid_a, config)
+    points_b, descriptors_b = _features(grid_b, config)
     if len(points_a) < 2 or len(points_b) < 2:
         return Matches(np.zeros((0, 2)), np.zeros((0, 2)))
     matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
-    found: dict[tuple[int, int], float] = {}
-    for query, train, forward in (
-        (descriptors_a, descriptors_b, True),
-        (descriptors_b, descriptors_a, False),
-    ):
+    distance: dict[tuple[int, int], float] = {}
+    for query, train, order in ((descriptors_a, descriptors_b, 1), (descriptors_b, descriptors_a, -1)):
         for first, second in matcher.knnMatch(query, train, k=2):
-            if first.distance < RATIO * second.distance:
-                indices = (first.queryIdx, first.trainIdx)
-                found[indices if forward else indices[::-1]] = first.distance
-    chosen = sorted(found, key=lambda indices: (found[indices], indices))[:MOST_MATCHES]
+            if first.distance < config.features.ratio * second.distance:
+                row_a, row_b = (first.queryIdx, first.trainIdx)[::order]
+                distance[row_a, row_b] = first.distance
+    chosen = sorted(distance, key=lambda rows: (distance[rows], rows))[: config.features.max_matches]
     rows = np.array(chosen, dtype=int).reshape(-1, 2)
     return Matches(points_a[rows[:, 0]], points_b[rows[:, 1]])
 
 
-def _features(grid: Grid, method: str, resolution: float) -> tuple[Array, Any]:
+def _features(grid: Grid, config: AlignConfig) -> tuple[Array, Any]:
     """Places ``(n, 2)`` m of a grid's features and their descriptors."""
     import cv2
 
-    cells = redraw(grid, np.zeros(3), resolution)
+    cells, margin = redraw(grid, np.zeros(3), config.resolution), config.features.margin
     picture = np.full(cells.occupied.shape, UNKNOWN, dtype=np.uint8)
     picture[cells.free] = FREE
     picture[cells.occupied] = OCCUPIED
-    picture = np.pad(picture, MARGIN, constant_values=UNKNOWN)
-    if method == "akaze":
+    picture = np.pad(picture, margin, constant_values=UNKNOWN)
+    if config.method == "akaze":
         keypoints, descriptors = cv2.AKAZE.create().detectAndCompute(picture, None)
         centre = np.full((len(keypoints), 1), 0.5)
     else:
-        detector = cv2.ORB.create(nfeatures=ORB_FEATURES)
+        detector = cv2.ORB.create(nfeatures=config.features.orb_features)
         keypoints, descriptors = detector.detectAndCompute(picture, None)
         # ORB multiplies the pixel of a smaller picture, not its centre: 1.3 pixels off at the smallest
         octaves = np.array([keypoint.octave for keypoint in keypoints]).reshape(-1, 1)
         centre = 0.5 * detector.getScaleFactor() ** octaves
     pixels = np.array([keypoint.pt for keypoint in keypoints]).reshape(-1, 2) + centre
-    return (cells.first + pixels - MARGIN) * resolution, descriptors
+    return (cells.first + pixels - margin) * config.resolution, descriptors
 
 
-def fit_rigid(found: Matches, reach: float, shortest: float) -> tuple[Array, int] | None:
-    """Pose ``(3,)`` of b in a that most matches agree with to ``reach`` m, and how many do.
+def fit_rigid(matches: Matches, config: AlignConfig) -> tuple[Array, int] | None:
+    """Pose ``(3,)`` of b in a that most matches agree with, and how many do; None when no two will do.
 
-    Every two of the most alike that are as far apart in b as in a, and at least ``shortest`` m, propose one:
-    nothing is drawn at random. The best is fitted to all that agree, as often as their number grows. None
-    when no two matches will do.
+    Every two of the most alike that are as far apart in b as in a, and far enough, propose a pose: nothing is
+    drawn at random. The best is fitted to all that agree, again as long as their number grows.
     """
-    first, second = np.triu_indices(min(len(found.a), PROPOSERS), 1)
-    arm_a, arm_b = found.a[second] - found.a[first], found.b[second] - found.b[first]
+    reach, min_arm = config.features.reach * config.resolution, config.features.min_arm * config.resolution
+    first, second = np.triu_indices(min(len(matches.a), config.features.proposers), 1)
+    arm_a, arm_b = matches.a[second] - matches.a[first], matches.b[second] - matches.b[first]
     length_a, length_b = (np.hypot(arm[:, 0], arm[:, 1]) for arm in (arm_a, arm_b))
-    use = (np.abs(length_a - length_b) <= reach) & (np.minimum(length_a, length_b) >= shortest)
+    use = (np.abs(length_a - length_b) <= reach) & (np.minimum(length_a, length_b) >= min_arm)
     if not use.any():
         return None
     yaw = np.arctan2(arm_a[use, 1], arm_a[use, 0]) - np.arctan2(arm_b[use, 1], arm_b[use, 0])
-    middle_a = 0.5 * (found.a[first] + found.a[second])[use]
-    middle_b = 0.5 * (found.b[first] + found.b[second])[use]
+    middle_a = 0.5 * (matches.a[first] + matches.a[second])[use]
+    middle_b = 0.5 * (matches.b[first] + matches.b[second])[use]
     t = middle_a - np.einsum("kij,kj->ki", se2.rotation(yaw), middle_b)
     poses = np.column_stack([t, yaw])
     counts = np.concatenate(
-        [_agree(found, part, reach).sum(axis=1) for part in np.array_split(poses, 1 + len(poses) // 1000)]
+        [_agree(matches, part, reach).sum(axis=1) for part in np.array_split(poses, 1 + len(poses) // 1000)]
     )
     T_a_b, count = poses[int(np.argmax(counts))], int(counts.max())
     while True:
-        agree = _agree(found, T_a_b[None], reach)[0]
-        refitted = umeyama(found.a[agree], found.b[agree])
-        grown = int(_agree(found, refitted[None], reach).sum())
+        agree = _agree(matches, T_a_b[None], reach)[0]
+        refitted = umeyama(matches.a[agree], matches.b[agree])
+        grown = int(_agree(matches, refitted[None], reach).sum())
         if grown < count:
             return se2.compose(np.zeros(3), T_a_b), count
         T_a_b = refitted
@@ -159,10 +133,10 @@ def fit_rigid(found: Matches, reach: float, shortest: float) -> tuple[Array, int
         count = grown
 
 
-def _agree(found: Matches, T_a_b: Array, reach: float) -> np.ndarray:
+def _agree(matches: Matches, T_a_b: Array, reach: float) -> np.ndarray:
     """Which matches ``(K, n)`` agree with poses ``(K, 3)``."""
     # as complex numbers: several times quicker than matrices two by two
-    a, b = (points[:, 0] + 1j * points[:, 1] for points in (found.a, found.b))
+    a, b = (points[:, 0] + 1j * points[:, 1] for points in (matches.a, matches.b))
     missed = np.exp(1j * T_a_b[:, 2:]) * b + (T_a_b[:, :1] + 1j * T_a_b[:, 1:2]) - a
     return missed.real**2 + missed.imag**2 <= reach**2
 

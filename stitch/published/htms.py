@@ -1,12 +1,12 @@
-"""The report's stitching: Hough spectra for rotation, X and Y spectra for translation (Formsma, ch. 3).
+"""The thesis's stitching: Hough spectra for rotation, X and Y spectra for translation (Formsma, ch. 3).
 
-Step by step: Hough transform with whole votes and bins of one degree (the report gives its angles in whole
+Step by step: Hough transform with whole votes and bins of one degree (the thesis gives its angles in whole
 degrees, as does its published program); spectrum (eq. 3.2); circular cross-correlation (eq. 3.3; k is counted
 as the rotation of b here); its two highest peaks, each with θ + π (section 3.4); dominant direction φ of map
 a; X and Y spectra after turning a by -φ and b by θ - φ (section 3.5); of the four hypotheses the one nearest
 the inertial sensor's rotation (sections 3.6 and 4.3).
 
-What the report does not say, and is chosen here: the size of a ρ bin (one cell); how near each other two
+What the thesis does not say, and is chosen here: the size of a ρ bin (one cell); how near each other two
 peaks may be (10°); the size of a cell. Its program turns images, which thickens walls, and takes each lag two
 pixels short; points are turned here, and lags are right.
 """
@@ -25,7 +25,7 @@ from stitch.alignment.translation import by_spectra
 from stitch.published.pair import Pair, pair
 
 PEAKS = 2
-"""The report's θ₁ and θ₂; with their twins four hypotheses (its figure 3.11)."""
+"""The thesis's θ₁ and θ₂; with their twins four hypotheses (its figure 3.11)."""
 DIRECTIONS = 180
 """Bins of θ: whole degrees."""
 
@@ -48,7 +48,7 @@ def align_htms(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -
 def four_hypotheses(maps: Pair) -> list[Alternative]:
     """θ₁, θ₁ + π, θ₂ and θ₂ + π with their translations; two only where the correlation has one peak."""
     spectrum_a, spectrum_b = maps.spectra(DIRECTIONS, split=False)
-    angles, _ = hypotheses(spectrum_a, spectrum_b, PEAKS, smoothing=0.0)
+    angles, _ = hypotheses(spectrum_a, spectrum_b, PEAKS, maps.config.directions.separation, 0.0)
     direction = dominant_direction(spectrum_a)
     candidates = []
     for angle in angles:

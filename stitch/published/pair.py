@@ -12,17 +12,14 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.raster import rasterise
-from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.alignment.verification import measure
-
-EXCLUDED = 16.27
-"""Squared Mahalanobis distance from a prior beyond which it excludes an alignment: χ²₃ at 99.9 %."""
+from stitch.alignment.raster import Raster, lattice_window, rasterise
+from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch, max_distance
+from stitch.alignment.verification import measure_shared_area
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Submaps with the centres ``walls_a (n, 2)``, ``walls_b (m, 2)`` m of their occupied cells."""
+    """Two submaps with the centres ``walls_a (n, 2)``, ``walls_b (m, 2)`` m of their occupied cells."""
 
     a: Submap
     b: Submap
@@ -39,22 +36,23 @@ class Pair:
         return of_a, of_b
 
     def stitch(self, best: Alternative, others: list[Alternative]) -> Stitch:
-        """The answer, measured like that of any other method; it has no covariance."""
+        """The best candidate as an answer, with the area shared there; it has no covariance."""
         resolution = self.config.resolution
         still = rasterise(self.walls_a, self.a.grid, np.zeros(3), resolution)
-        evidence = measure(still, rasterise(self.walls_b, self.b.grid, best.T_a_b, resolution))
+        moved = rasterise(self.walls_b, self.b.grid, best.T_a_b, resolution)
+        shared = measure_shared_area(still, moved)
         return Stitch(
             T_a_b=best.T_a_b,
             covariance=None,
             score=best.score,
-            overlap_area=evidence.overlap_area,
-            agreement=evidence.agreement,
+            overlap_area=shared.overlap_area,
+            agreement=shared.agreement,
             alternatives=tuple(sorted(others, key=lambda other: -other.score)),
         )
 
 
 def pair(a: Submap, b: Submap, config: AlignConfig) -> Pair | NoStitch:
-    """Both submaps, or which of them has no walls."""
+    """Both submaps with their walls, or which of them has none."""
     walls_a, walls_b = a.grid.occupied_points(), b.grid.occupied_points()
     for name, walls in (("a", walls_a), ("b", walls_b)):
         if len(walls) == 0:
@@ -62,43 +60,28 @@ def pair(a: Submap, b: Submap, config: AlignConfig) -> Pair | NoStitch:
     return Pair(a, b, walls_a, walls_b, config)
 
 
-def near(candidates: list[Alternative], prior: Prior | None) -> list[Alternative]:
+def near(candidates: list[Alternative], prior: Prior | None, config: AlignConfig) -> list[Alternative]:
     """Candidates that the prior does not exclude; all of them without a prior."""
     if prior is None:
         return candidates
-    return [candidate for candidate in candidates if prior.distance(candidate.T_a_b) <= EXCLUDED]
+    limit = max_distance(config.prior.confidence)
+    return [candidate for candidate in candidates if prior.distance(candidate.T_a_b) <= limit]
 
 
-@dataclass(frozen=True)
-class Cells:
-    """Cells ``occupied (H, W)`` and ``free (H, W)`` whose cell (0, 0) is cell ``first (2,)`` of the lattice.
-
-    The lattice has one corner in the frame's origin. Nothing is thinned or left out, other than in a
-    `stitch.alignment.raster.Raster`.
-    """
-
-    occupied: np.ndarray
-    free: np.ndarray
-    first: np.ndarray
-
-
-def redraw(grid: Grid, T: Array, resolution: float) -> Cells:
-    """A grid moved by ``T (3,)`` onto the lattice of ``resolution`` m, finer or coarser.
+def redraw(grid: Grid, T: Array, resolution: float) -> Raster:
+    """A grid moved by ``T (3,)`` onto the lattice of ``resolution`` m, with nothing left out.
 
     A cell is occupied when the grid is at its centre (walls keep closed when cells get finer) or when the
     centre of an occupied cell falls into it (walls are not lost when they get coarser).
     """
-    from stitch.alignment.kernels import look_up
+    from stitch.alignment.raster_kernels import look_up
 
-    x_min, x_max, y_min, y_max = grid.extent
-    corners = se2.transform(T, np.array([[x_min, y_min], [x_max, y_min], [x_min, y_max], [x_max, y_max]]))
-    first = np.floor(corners.min(axis=0) / resolution)
-    width, height = (np.ceil(corners.max(axis=0) / resolution) - first).astype(int)
+    first, shape = lattice_window(grid, T, resolution)
     occupied, free = (
-        look_up(cells, grid.origin, grid.resolution, T, first, (height, width), resolution)
+        look_up(cells, grid.origin, grid.resolution, T, first, shape, resolution)
         for cells in (grid.occupied, grid.free)
     )
     column, row = (np.floor(se2.transform(T, grid.occupied_points()) / resolution) - first).astype(int).T
     # a centre on the border may round to either side of it
-    occupied[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] = True
-    return Cells(occupied, free & ~occupied, first)
+    occupied[np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1)] = True
+    return Raster(occupied, free & ~occupied, first, resolution)

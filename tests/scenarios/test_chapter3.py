@@ -81,7 +81,7 @@ def test_a_turned_beehive_is_turned_back(degrees: int) -> None:
     a, b = shapes.rasterise_points(points), shapes.rasterise_points(se2.transform(se2.inverse(T_a_b), points))
     walls_a, walls_b = a.grid.occupied_points(), b.grid.occupied_points()
     spectrum_a, spectrum_b = spectrum(walls_a), spectrum(walls_b)
-    angles, _ = hypotheses(spectrum_a, spectrum_b, 3, smoothing=0.0)
+    angles, _ = hypotheses(spectrum_a, spectrum_b, 3, np.radians(10.0), 0.0)
     off = np.degrees(np.abs(se2.wrap(angles - T_a_b[2])))
     assert off.min() <= 1.0
     np.testing.assert_allclose(np.round(off / 60.0) * 60.0, off, atol=1.0)

@@ -8,28 +8,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-import slam.matching
-import stitch.alignment.joint
-import stitch.published.htms
 from slam import se2
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
+from slam.matching import MatchConfig
 from stitch import NoStitch, Prior, Stitch, align
 from stitch.align import AlignConfig
+from stitch.alignment.config import Acceptance, PriorConfig, RefinementConfig
 from stitch.alignment.joint import search
 from stitch.alignment.raster import walls_of
-from stitch.alignment.verification import Acceptance
+from stitch.published.htms import dominant_direction
+from stitch.published.pair import pair as pair_of
 
-CORRELATION = AlignConfig(refine=False)
+CORRELATION = AlignConfig(refinement=RefinementConfig(enabled=False))
 ANYTHING = Acceptance(
     min_overlap=0.0,
     min_open=0.0,
     min_lead=-np.inf,
-    max_rivalry=np.inf,
+    max_ambiguity=np.inf,
     min_belief=-np.inf,
-    max_innovation=np.inf,
 )
-CREDULOUS = AlignConfig(refine=False, acceptance=ANYTHING)
+CREDULOUS = replace(CORRELATION, acceptance=ANYTHING, prior=PriorConfig(confidence=1.0))
 HTMS = AlignConfig(method="htms")
 COVARIANCE = np.diag([0.5, 0.5, 0.05]) ** 2
 
@@ -211,28 +210,24 @@ def test_an_empty_map_has_a_reason(
     assert answer.best is None
 
 
-def test_without_an_answer_of_the_matcher_the_climb_stands(
-    near: tuple[Submap, Submap, np.ndarray], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(slam.matching, "match", lambda *_, **__: slam.matching.NoMatch("too few pairs"))
-    answer, climbed = align(near[0], near[1]), align(near[0], near[1], config=CORRELATION)
+def refined_by(**settings: object) -> AlignConfig:
+    return AlignConfig(refinement=replace(AlignConfig().refinement, **settings))
+
+
+def test_without_an_answer_of_the_matcher_the_climb_stands(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    demanding = refined_by(matcher=MatchConfig(least_pairs=1_000_000))
+    answer, climbed = align(near[0], near[1], config=demanding), align(near[0], near[1], config=CORRELATION)
     assert isinstance(answer, Stitch)
     assert isinstance(climbed, Stitch)
     np.testing.assert_array_equal(answer.T_a_b, climbed.T_a_b)
     np.testing.assert_array_equal(answer.covariance, climbed.covariance)
 
 
+@pytest.mark.parametrize("limit", [(1e-6, 1.0), (1.0, 1e-8)])
 def test_a_matcher_that_wanders_off_is_not_believed(
-    near: tuple[Submap, Submap, np.ndarray], monkeypatch: pytest.MonkeyPatch
+    near: tuple[Submap, Submap, np.ndarray], limit: tuple[float, float]
 ) -> None:
-    real = slam.matching.match
-
-    def astray(*arguments, **settings):
-        answer = real(*arguments, **settings)
-        return replace(answer, T_reference_scan=se2.compose(answer.T_reference_scan, [0.5, 0.0, 0.0]))
-
-    monkeypatch.setattr(slam.matching, "match", astray)
-    answer = align(near[0], near[1])
+    answer = align(near[0], near[1], config=refined_by(max_correction=limit))
     assert isinstance(answer, NoStitch)
     assert "left the peak" in answer.reason
 
@@ -249,7 +244,7 @@ def test_a_bare_corridor_is_ambiguous_and_its_covariance_wide(plan: dict[str, An
     refused = align(a, b, prior)
     assert isinstance(refused, NoStitch)
     assert "ambiguity" in refused.reason
-    answer = align(a, b, prior, AlignConfig(acceptance=Acceptance(min_lead=0.0, max_rivalry=1.0)))
+    answer = align(a, b, prior, AlignConfig(acceptance=Acceptance(min_lead=0.0, max_ambiguity=1.0)))
     assert isinstance(answer, Stitch)
     R = se2.rotation(anchors[1, 2])  # from b's axes to the building's
     spread = R @ answer.covariance[:2, :2] @ R.T
@@ -285,7 +280,7 @@ def test_a_map_without_straight_lines_is_found_around_the_prior_and_alone(plan: 
 def test_htms_needs_a_large_overlap_and_never_refuses(
     plan: dict[str, Any], strangers: tuple[Submap, Submap]
 ) -> None:
-    """The report's finding: rotation right, translation right only where the maps overlap much."""
+    """The thesis's finding: rotation right, translation right only where the maps overlap much."""
     a, b, T_true = pair(plan, 5, 24.0)
     told = Prior(np.array([0.0, 0.0, T_true[2] + 0.2]), COVARIANCE)  # its translation is not read
     answer = align(a, b, told, HTMS)
@@ -298,7 +293,7 @@ def test_htms_needs_a_large_overlap_and_never_refuses(
 
 
 def test_htms_takes_the_smallest_rotation_of_four(plan: dict[str, Any]) -> None:
-    """The report's section 4.3; the four hypotheses of its figure 3.11 are all returned."""
+    """The thesis's section 4.3; the four hypotheses of its figure 3.11 are all returned."""
     a, b, _ = pair(plan, 5, 24.0)
     alone = align(a, b, config=HTMS)
     assert isinstance(alone, Stitch)
@@ -310,19 +305,13 @@ def test_htms_takes_the_smallest_rotation_of_four(plan: dict[str, Any]) -> None:
     assert abs(abs(float(se2.wrap(turned.T_a_b[2] - alone.T_a_b[2]))) - np.pi) < 1e-9
 
 
-def test_htms_aligns_the_maps_to_the_dominant_direction(
-    near: tuple[Submap, Submap, np.ndarray], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = []
-
-    def noted(walls_a, walls_b, yaw, direction, resolution):
-        asked.append(direction)
-        return np.zeros(2), 1.0
-
-    monkeypatch.setattr(stitch.published.htms, "by_spectra", noted)
-    align(near[0], near[1], config=HTMS)
-    off = np.sin(2.0 * (np.array(asked) + near[0].anchor[2]))  # walls run along the building's axes
-    np.testing.assert_allclose(off, 0.0, atol=0.03)
+def test_the_dominant_direction_is_that_of_the_walls(near: tuple[Submap, Submap, np.ndarray]) -> None:
+    """htms correlates along it: the building's axes, in the frame of the map."""
+    maps = pair_of(near[0], near[1], HTMS)
+    assert not isinstance(maps, NoStitch)
+    direction = dominant_direction(maps.spectra(180, split=False)[0])
+    off = np.sin(2.0 * (direction + near[0].anchor[2]))
+    assert off == pytest.approx(0.0, abs=0.03)
 
 
 def test_the_search_loses_what_the_prior_says(near: tuple[Submap, Submap, np.ndarray]) -> None:
@@ -330,7 +319,7 @@ def test_the_search_loses_what_the_prior_says(near: tuple[Submap, Submap, np.nda
     maps = walls_of(a, 0.1), walls_of(b, 0.1)
     prior = Prior(se2.compose(T_true, [0.8, 0.0, 0.0]), COVARIANCE)
     free, held = (
-        search(*maps, T_true[2:], prior, replace(CORRELATION, prior_weight=weight))[0]
+        search(*maps, T_true[2:], prior, replace(CORRELATION, prior=PriorConfig(weight=weight)))[0]
         for weight in (0.0, 20.0)
     )
     np.testing.assert_allclose(held.T_a_b, free.T_a_b)

@@ -116,7 +116,7 @@ def align_annotated(folder: Path, methods: Sequence[str]) -> list[AnnotatedResul
         print(f"{building.name}: {len(pairs)} of {annotated} annotated pairs scored", file=sys.stderr)
         maps = {name: read_map(building / f"{name}.png") for pair in pairs for name in (pair.a, pair.b)}
         for method in methods:
-            config = AlignConfig(method=method)  # type: ignore[arg-type]
+            config = AlignConfig(method=method)
             for pair in pairs:
                 result, seconds, reason = timed_align(maps[pair.a], maps[pair.b], None, config)
                 outcome, error, _ = score_alignment(result, pair.T_a_b, pair.middle_b, LIMIT)
@@ -135,7 +135,7 @@ def align_pieces(folder: Path, methods: Sequence[str]) -> list[tuple[PiecesResul
     a, b = (read_map(folder / f"part{k}.png", PIECES_RESOLUTION, walls_only=True) for k in (1, 2))
     results = []
     for method in methods:
-        result, seconds, reason = timed_align(a, b, None, AlignConfig(method=method))  # type: ignore[arg-type]
+        result, seconds, reason = timed_align(a, b, None, AlignConfig(method=method))
         refused = isinstance(result, NoStitch)
         best = result.best if isinstance(result, NoStitch) else result
         T_a_b = None if best is None else best.T_a_b

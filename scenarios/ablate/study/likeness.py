@@ -53,7 +53,7 @@ def run(options: Options) -> None:
     print(f"{len(unguided.right)} alignments without a prior, {unguided.right.sum()} of them right")
     print(f"{len(guided.right)} alignments with a prior, {guided.right.sum()} of them right\n")
     print(f"WEIGHTS = np.array(\n{_literal(weights)}\n)\nGAPS = np.array({_literal(gaps)})")
-    print(f"BIAS, GUIDED = {bias:.2f}, {offset:.2f}")
+    print(f"BIAS, PRIOR_BONUS = {bias:.2f}, {offset:.2f}")
     finish(swept, options.store)
 
 

@@ -77,7 +77,7 @@ def _evidence(a: Walls, b: Walls, T_a_b: Array, config: AlignConfig) -> dict[str
     }
     surface = score_surface(a, b, T_a_b, config)
     if surface is not None and surface.agreement.size:
-        score = surface.score(config.lenient_penalty)
+        score = surface.score(config.search.lenient_penalty)
         low, top = float(np.median(score)), float(score.max())
         evidence["surface"] = {
             "first": rounded(surface.first),

@@ -24,7 +24,7 @@ from scenarios.ablate.study.belief import LENGTHS, Options, accepted_lines, run
 from scenarios.ablate.training_set import Dataset, collect_samples
 from slam.cli import InputError
 from slam.se2 import Array
-from stitch.alignment.acceptance import Network
+from stitch.alignment.acceptance import AcceptanceClassifier
 from tests.scenarios.ablate.tiny_pair import tiny_pair
 
 
@@ -124,7 +124,7 @@ def test_the_command_writes_a_network(
     printed = capsys.readouterr()
     assert asked == [("beehive", seed, length) for length in LENGTHS for seed in (200, 201)]
     with np.load(written) as stored:
-        network = Network(**stored)
+        network = AcceptanceClassifier(**stored)
     assert network.inner.shape == (39, 48)
     assert "learnt from 12 alignments, 8 of them right" in printed.out
     assert printed.out.count("with prior") == 8

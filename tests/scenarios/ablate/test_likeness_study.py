@@ -145,7 +145,7 @@ def test_the_table_is_that_of_the_code(
     assert np.isfinite(pasted["WEIGHTS"]).all()
     assert np.any(pasted["WEIGHTS"] != 0.0)
     assert pasted["GAPS"].shape == (3,)
-    assert np.isfinite([pasted["BIAS"], pasted["GUIDED"]]).all()
+    assert np.isfinite([pasted["BIAS"], pasted["PRIOR_BONUS"]]).all()
 
 
 def test_one_kind_of_alignments_teaches_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

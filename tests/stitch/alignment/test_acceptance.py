@@ -1,4 +1,4 @@
-"""How far an alignment is believed."""
+"""The classifier of alignments."""
 
 from __future__ import annotations
 
@@ -8,26 +8,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stitch.alignment.acceptance import NO_RIVAL, Network, belief, features
-from stitch.alignment.likelihood import Tally
-from stitch.alignment.verification import Evidence, Standing
+from stitch.alignment.acceptance import NO_RIVAL, AcceptanceClassifier, acceptance_log_odds, features
+from stitch.alignment.likelihood import OverlapCounts
+from stitch.alignment.verification import CandidateScores, SharedArea
 
-EVIDENCE = Evidence(overlap_area=30.0, open_area=20.0, agreement=0.9)
+SHARED = SharedArea(overlap_area=30.0, open_area=20.0, agreement=0.9)
 
 
-def standing(**changes: object) -> Standing:
+def scores(**changes: object) -> CandidateScores:
     """Two maps that share 400 points of steady wall and 50 of furniture, and contradict each other in 20."""
     counts = np.zeros((2, 3, 7), dtype=np.int64)
     counts[0, 0, :4] = 100
     counts[1, 0, 0] = 50
     counts[:, 1, 6] = 10
-    tallied = Tally(counts, np.array([20, 3, 4]))
-    found = Standing(odds=8.0, rivals=(-2.0,), firmness=0.6, tally=tallied, unlikely=0.0, guided=False)
-    return replace(found, **changes)  # type: ignore[arg-type]
+    overlap = OverlapCounts(counts, np.array([20, 3, 4]))
+    usual = CandidateScores(
+        log_odds=8.0,
+        rivals=(-2.0,),
+        positional_distinctness=0.6,
+        overlap=overlap,
+        prior_penalty=0.0,
+        has_prior=False,
+    )
+    return replace(usual, **changes)  # type: ignore[arg-type]
 
 
 def test_features_by_hand() -> None:
-    x = features(EVIDENCE, standing())
+    x = features(SHARED, scores())
     assert x.shape == (39,)
     np.testing.assert_allclose(x[:6], [8.0, -2.0, NO_RIVAL, NO_RIVAL, 10.0, 0.6])
     np.testing.assert_allclose(x[6:10], [np.log(31.0), np.log(21.0), 0.9, 450 / 470])
@@ -40,12 +47,12 @@ def test_features_by_hand() -> None:
 
 
 def test_features_are_finite_without_rivals_and_without_walls() -> None:
-    bare = Standing(-8.0, (), -np.inf, Tally(np.zeros((2, 3, 7)), np.zeros(3)), 3.0, True)
-    assert np.all(np.isfinite(features(Evidence(0.0, 0.0, 0.0), bare)))
+    bare = CandidateScores(-8.0, (), -np.inf, OverlapCounts(np.zeros((2, 3, 7)), np.zeros(3)), 3.0, True)
+    assert np.all(np.isfinite(features(SharedArea(0.0, 0.0, 0.0), bare)))
 
 
 def test_log_odds_by_hand() -> None:
-    one = Network(
+    classifier = AcceptanceClassifier(
         mean=np.array([1.0, 0.0]),
         scale=np.array([2.0, 1.0]),
         inner=np.array([[1.0], [0.0]]),
@@ -53,28 +60,28 @@ def test_log_odds_by_hand() -> None:
         outer=np.array([3.0]),
         bias=np.array(-1.0),
     )
-    assert one.log_odds(np.array([3.0, 9.0])) == pytest.approx(3.0 * np.tanh(1.5) - 1.0)
-    assert one.log_odds(np.zeros((4, 5, 2))).shape == (4, 5)
+    assert classifier.log_odds(np.array([3.0, 9.0])) == pytest.approx(3.0 * np.tanh(1.5) - 1.0)
+    assert classifier.log_odds(np.zeros((4, 5, 2))).shape == (4, 5)
 
 
-def test_a_saved_network_is_the_same(tmp_path: Path) -> None:
-    learnt = Network.learnt()
+def test_a_saved_classifier_is_the_same(tmp_path: Path) -> None:
+    learnt = AcceptanceClassifier.learnt()
     learnt.save(tmp_path / "belief.npz")
     with np.load(tmp_path / "belief.npz") as stored:
-        again = Network(**stored)
-    x = features(EVIDENCE, standing())
+        again = AcceptanceClassifier(**stored)
+    x = features(SHARED, scores())
     assert again.log_odds(x) == pytest.approx(float(learnt.log_odds(x)), abs=1e-3)
 
 
-def test_what_speaks_for_and_against_an_alignment_moves_belief() -> None:
-    """What no network that has learnt anything would have the other way round."""
-    fair = belief(EVIDENCE, standing())
-    assert belief(EVIDENCE, standing(odds=-3.0, rivals=(-3.5,))) < fair
-    assert belief(EVIDENCE, standing(rivals=(7.5, 7.4, 7.3))) < fair
-    tallied = standing().tally
-    contradicted, walled_up = tallied.counts.copy(), np.array([20, 3, 60])
+def test_what_speaks_for_and_against_an_alignment_moves_the_log_odds() -> None:
+    """What no classifier that has learnt anything would have the other way round."""
+    fair = acceptance_log_odds(SHARED, scores())
+    assert acceptance_log_odds(SHARED, scores(log_odds=-3.0, rivals=(-3.5,))) < fair
+    assert acceptance_log_odds(SHARED, scores(rivals=(7.5, 7.4, 7.3))) < fair
+    overlap = scores().overlap
+    contradicted, walled_up = overlap.counts.copy(), np.array([20, 3, 60])
     contradicted[:, 1, 6] = 300
-    assert belief(EVIDENCE, standing(tally=replace(tallied, counts=contradicted))) < fair
-    assert belief(EVIDENCE, standing(tally=replace(tallied, gaps=walled_up))) < fair
-    assert belief(EVIDENCE, standing(odds=20.0, rivals=(-2.0,))) > fair
+    assert acceptance_log_odds(SHARED, scores(overlap=replace(overlap, counts=contradicted))) < fair
+    assert acceptance_log_odds(SHARED, scores(overlap=replace(overlap, gaps=walled_up))) < fair
+    assert acceptance_log_odds(SHARED, scores(log_odds=20.0, rivals=(-2.0,))) > fair
     assert fair > 0.0

@@ -9,7 +9,8 @@ import pytest
 
 from slam import se2
 from stitch.alignment import hough
-from stitch.alignment.rotation import _peaks
+from stitch.alignment.config import DirectionConfig
+from stitch.alignment.rotation import peaks
 
 
 def line(angle: float, rho: float, n: int = 200) -> np.ndarray:
@@ -70,7 +71,7 @@ def test_every_direction_gets_every_vote() -> None:
 
 @pytest.mark.parametrize(("angle", "rho"), [(0.0, 1.5), (np.pi / 4, -2.0), (np.radians(120.0), 0.7)])
 def test_a_line_is_one_point_of_the_transform(angle: float, rho: float) -> None:
-    """The report's figure 3.1; its angle is the normal's, its ρ the distance from the frame's origin."""
+    """The thesis's figure 3.1; its angle is the normal's, its ρ the distance from the frame's origin."""
     found = hough.transform(line(angle, rho), 360, 0.05)
     k, i = np.unravel_index(np.argmax(found.votes), found.votes.shape)
     assert k * np.pi / 360 == pytest.approx(angle)
@@ -92,7 +93,7 @@ def test_spectrum_turns_with_the_map() -> None:
 
 
 def test_half_a_turn_leaves_the_spectrum_alone() -> None:
-    """HT(θ, ρ) = HT(θ + π, −ρ): equations 3.4 and 3.5 of the report."""
+    """HT(θ, ρ) = HT(θ + π, −ρ): equations 3.4 and 3.5 of the thesis."""
     points = np.random.default_rng(2).uniform(-5.0, 5.0, (200, 2))
     a, b = hough.transform(points, 90, 0.1), hough.transform(-points, 90, 0.1)
     np.testing.assert_allclose(a.votes, b.votes[:, ::-1], atol=1e-9)
@@ -100,7 +101,7 @@ def test_half_a_turn_leaves_the_spectrum_alone() -> None:
 
 
 def test_honeycomb_has_peaks_60_degrees_apart() -> None:
-    """The report's figure 3.3."""
+    """The thesis's figure 3.3."""
     walls = []
     for row in range(3):
         for column in range(3):
@@ -111,24 +112,26 @@ def test_honeycomb_has_peaks_60_degrees_apart() -> None:
             for k in range(6):
                 walls.append(corner[k] + np.linspace(0.0, 1.0, 40)[:, None] * (corner[k + 1] - corner[k]))
     spectrum = hough.spectrum(hough.transform(np.concatenate(walls) @ se2.rotation(0.2).T, 360))
-    found = np.sort(_peaks(spectrum, 3, 20.0)) * 180.0 / 360
+    found = np.sort(peaks(spectrum, 3, 20.0)) * 180.0 / 360
     np.testing.assert_allclose(np.diff(found), 60.0, atol=0.6)
-    assert np.all(spectrum[_peaks(spectrum, 3, 20.0)] > 0.8)
+    assert np.all(spectrum[peaks(spectrum, 3, 20.0)] > 0.8)
 
 
-def test_gridness_tells_rooms_from_bushes(plan: dict[str, Any]) -> None:
+def test_contrast_tells_rooms_from_bushes(plan: dict[str, Any]) -> None:
     rng = np.random.default_rng(3)
     segments = plan["rooms"](rng)
     walls = np.concatenate([s[:2] + rng.uniform(0.0, 1.0, (40, 1)) * (s[2:] - s[:2]) for s in segments])
     bushes = rng.normal(0.0, 5.0, (2000, 2))
-    of_rooms, of_bushes = (hough.gridness(hough.spectrum(hough.transform(p))) for p in (walls, bushes))
-    assert of_rooms.trustworthy
+    of_rooms, of_bushes = (
+        hough.SpectrumContrast.of(hough.spectrum(hough.transform(p))) for p in (walls, bushes)
+    )
+    assert of_rooms.has_directions(DirectionConfig())
     assert of_rooms.crest > 3.0
-    assert not of_bushes.trustworthy
+    assert not of_bushes.has_directions(DirectionConfig())
     assert of_bushes.crest == pytest.approx(1.0, abs=0.2)
 
 
 def test_no_points_no_directions() -> None:
     spectrum = hough.spectrum(hough.transform(np.zeros((0, 2))))
     assert not spectrum.any()
-    assert not hough.gridness(spectrum).trustworthy
+    assert not hough.SpectrumContrast.of(spectrum).has_directions(DirectionConfig())

@@ -11,7 +11,7 @@ from slam import se2
 from slam.matching import match
 from stitch import Prior
 from stitch.align import AlignConfig
-from stitch.alignment.joint import REFINEMENT, Surfaces, paired, rotations
+from stitch.alignment.joint import SubmapReference, paired_half_turns, rotations
 
 
 def test_a_submaps_lattice_finds_the_same_as_a_scans(plan: dict[str, Any]) -> None:
@@ -21,7 +21,8 @@ def test_a_submaps_lattice_finds_the_same_as_a_scans(plan: dict[str, Any]) -> No
     some = plan["scan_of"](points[::7] + rng.normal(0.0, 0.01, (429, 2)))
     reference, guess = plan["scan_of"](points), np.array([0.05, -0.03, 0.001])
     found, expected = (
-        match(of, some, guess, "icp", config=REFINEMENT) for of in (Surfaces(reference), reference)
+        match(of, some, guess, "icp", config=AlignConfig().refinement.matcher)
+        for of in (SubmapReference(reference), reference)
     )
     np.testing.assert_array_equal(found.T_reference_scan, expected.T_reference_scan)
     np.testing.assert_array_equal(found.covariance, expected.covariance)
@@ -30,9 +31,9 @@ def test_a_submaps_lattice_finds_the_same_as_a_scans(plan: dict[str, Any]) -> No
 
 def test_rotations_are_paired_with_their_half_turns() -> None:
     """Each is in one pair, also where the twin is the same angle beyond ±π."""
-    assert paired(np.array([0.1, 1.0, 0.1 - np.pi, -3.0])) == [[0.1, 0.1 - np.pi], [1.0], [-3.0]]
-    assert paired(np.array([3.0, 3.0 - np.pi, 3.0])) == [[3.0, 3.0 - np.pi], [3.0]]
-    assert paired(np.array([])) == []
+    assert paired_half_turns(np.array([0.1, 1.0, 0.1 - np.pi, -3.0])) == [[0.1, 0.1 - np.pi], [1.0], [-3.0]]
+    assert paired_half_turns(np.array([3.0, 3.0 - np.pi, 3.0])) == [[3.0, 3.0 - np.pi], [3.0]]
+    assert paired_half_turns(np.array([])) == []
 
 
 def test_no_directions_means_a_sweep_around_the_prior() -> None:
@@ -54,4 +55,4 @@ def test_without_directions_and_prior_the_whole_circle_is_searched() -> None:
     assert np.all(np.diff(angles) <= 0.0351)
     assert angles[0] == pytest.approx(-np.pi)
     assert angles[-1] > np.pi - 0.0351
-    assert all(len(pair) == 2 for pair in paired(angles))  # half of them need no drawing
+    assert all(len(pair) == 2 for pair in paired_half_turns(angles))  # half of them need no drawing

@@ -1,4 +1,4 @@
-"""What the walls of one map meet in another, and what is made of it."""
+"""What the wall points of one map meet in another, and the likelihood of that."""
 
 from __future__ import annotations
 
@@ -8,25 +8,34 @@ from typing import Any
 import numpy as np
 import pytest
 
-import stitch.alignment.joint
-import stitch.alignment.likelihood
 from slam import se2
 from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.joint import Scene
-from stitch.alignment.likelihood import DISTANCES, Ground, Tally, likeness, tally
+from stitch.alignment.joint import AlignmentProblem
+from stitch.alignment.likelihood import (
+    BIAS,
+    DISTANCES,
+    GAPS,
+    PRIOR_BONUS,
+    WEIGHTS,
+    FreeSpaceMap,
+    OverlapCounts,
+    count_overlap,
+    overlap_log_odds,
+)
 from stitch.alignment.likelihood_kernels import (
-    APART,
-    BESIDE,
     FACING,
-    IN_LINE,
-    KNOWN,
-    PARALLEL,
-    WIDEST,
-    meet,
+    GAP_CLEARANCE,
+    GAP_COSINE,
+    GAP_OFFSET,
+    MAX_GAP,
+    MIN_NORMAL,
+    MISSED,
+    WallLookup,
+    classify_points,
+    count_gap_points,
     nearest_points,
-    stand_in_gaps,
 )
 from stitch.alignment.raster import Walls, walls_of
 from stitch.alignment.result import Prior
@@ -34,7 +43,7 @@ from stitch.alignment.result import Prior
 SIDE = 0.1
 T = np.array([1.0, 2.0, np.pi / 2.0])
 """Of b in a, wherever a case is counted by hand."""
-STRAIGHT, LOOSE = 0, 1
+STRAIGHT, FURNITURE = 0, 1
 SAME, OPPOSITE, UNKNOWN = 0, 1, 2
 BESIDE_A_WALL, IN_THE_OPEN, UNSEEN = 0, 1, 2
 """Rows of the last column of counts."""
@@ -66,12 +75,12 @@ def test_the_nearest_point_is_that_of_the_slow_twin() -> None:
 def random_walls(rng: np.random.Generator, count: int, free: float) -> tuple[Array, Array, Array, Array]:
     """Points, normals (mean ones: also short ones and none), kinds, and free cells."""
     facing = se2.rotation(1.0) @ rng.normal(size=(2, count))
-    facing *= rng.choice([0.0, 0.6 * KNOWN, 0.8, 1.0], count) / np.linalg.norm(facing, axis=0)
+    facing *= rng.choice([0.0, 0.6 * MIN_NORMAL, 0.8, 1.0], count) / np.linalg.norm(facing, axis=0)
     points, kinds = rng.uniform(-0.3, 2.3, (count, 2)), rng.integers(0, 2, count)
     return points, np.ascontiguousarray(facing.T), kinds, rng.uniform(size=(20, 20)) < free
 
 
-def slow_meet(
+def slow_classify(
     moving: tuple[Array, Array, Array, Array],
     still: tuple[Array, Array, Array, Array],
     at: Array,
@@ -92,9 +101,9 @@ def slow_meet(
             missed[kind, IN_THE_OPEN if free else UNSEEN] += 1
             continue
         off, normal = place - still[0][nearest[row, column]], still[1][nearest[row, column]]
-        known = np.linalg.norm(normal) > KNOWN
+        known = np.linalg.norm(normal) > MIN_NORMAL
         distance = abs(off @ normal) / np.linalg.norm(normal) if known else np.linalg.norm(off)
-        if free and distance > BESIDE:
+        if free and distance > MISSED:
             missed[kind, BESIDE_A_WALL] += 1
         if distance <= DISTANCES[-1]:
             cosine = own @ normal
@@ -104,38 +113,41 @@ def slow_meet(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_is_met_is_what_the_slow_twin_meets(seed: int) -> None:
+def test_points_are_classified_as_by_the_slow_twin(seed: int) -> None:
     rng = np.random.default_rng(seed)
     moving, still = random_walls(rng, 400, 0.0), random_walls(rng, 30, 0.5)
     at, reach = np.array([0.9, 0.2, rng.uniform(0.0, 0.5)]), float(DISTANCES[-1])
     met, missed = np.zeros((2, 3, len(DISTANCES)), dtype=np.int64), np.zeros((2, 3), dtype=np.int64)
     nearest = nearest_points(still[0], np.zeros(2), (20, 20), SIDE, reach)
-    meet(*moving[:3], at, nearest, still[3], np.zeros(2), SIDE, *still[:2], DISTANCES, met, missed)
-    expected = slow_meet(moving, still, at, reach)
+    onto = WallLookup(nearest, still[3], np.zeros(2), SIDE, *still[:2])
+    classify_points(*moving[:3], at, onto, DISTANCES, met, missed)
+    expected = slow_classify(moving, still, at, reach)
     np.testing.assert_array_equal(met, expected[0])
     np.testing.assert_array_equal(missed, expected[1])
     assert (met.sum(axis=2) > 0).all()
     assert (missed.sum(axis=0) > 0).all()
 
 
-def slow_goes_on(place: Array, normal: Array, way: int, nearest: Array, others: tuple[Array, Array]) -> float:
+def slow_next_wall(
+    place: Array, normal: Array, way: int, nearest: Array, others: tuple[Array, Array]
+) -> float:
     """How far along the line the next wall in line with it is, step by step."""
     along = way * np.array([-normal[1], normal[0]])
-    for far in np.arange(0.5 * SIDE, WIDEST + 1e-9, 0.5 * SIDE):
+    for far in np.arange(0.5 * SIDE, MAX_GAP + 1e-9, 0.5 * SIDE):
         column, row = np.floor((place + far * along) / SIDE).astype(int)
         if not (0 <= row < 20 and 0 <= column < 20):
             return np.inf
         if nearest[row, column] < 0:
             continue
         off, facing = others[0][nearest[row, column]] - place - far * along, others[1][nearest[row, column]]
-        in_line = abs(off @ normal) <= IN_LINE and abs(off @ along) <= SIDE
-        if in_line and abs(facing @ normal) >= PARALLEL * max(np.linalg.norm(facing), KNOWN):
+        in_line = abs(off @ normal) <= GAP_OFFSET and abs(off @ along) <= SIDE
+        if in_line and abs(facing @ normal) >= GAP_COSINE * max(np.linalg.norm(facing), MIN_NORMAL):
             return float(far)
     return np.inf
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_stands_in_gaps_is_what_the_slow_twin_finds(seed: int) -> None:
+def test_gap_points_are_those_of_the_slow_twin(seed: int) -> None:
     rng = np.random.default_rng(seed)
     moving, still = random_walls(rng, 600, 0.0), random_walls(rng, 60, 0.7)
     across = rng.choice([0.0, 0.5 * np.pi], 60)
@@ -144,29 +156,31 @@ def test_what_stands_in_gaps_is_what_the_slow_twin_finds(seed: int) -> None:
     at, reach = np.array([0.1, 0.2, 0.05]), float(DISTANCES[-1])
     nearest = nearest_points(still[0], np.zeros(2), (20, 20), SIDE, reach)
     counts, expected = np.zeros(3, dtype=np.int64), np.zeros(3)
-    stand_in_gaps(*moving[:2], at, nearest, still[3], np.zeros(2), SIDE, *still[:2], counts)
+    count_gap_points(*moving[:2], at, WallLookup(nearest, still[3], np.zeros(2), SIDE, *still[:2]), counts)
     for place, own in zip(se2.transform(at, moving[0]), moving[1] @ se2.rotation(at[2]).T, strict=True):
         column, row = np.floor(place / SIDE).astype(int)
         if not (0 <= row < 20 and 0 <= column < 20) or not still[3][row, column]:
             continue
         k, size = nearest[row, column], float(np.linalg.norm(own))
-        if k >= 0 and np.linalg.norm(still[0][k] - place) < APART:
+        if k >= 0 and np.linalg.norm(still[0][k] - place) < GAP_CLEARANCE:
             continue
-        if size <= KNOWN:
+        if size <= MIN_NORMAL:
             expected[0] += 1
             continue
-        sides = [slow_goes_on(place, own / size, way, nearest, still[:2]) for way in (1, -1)]
-        expected[2 if sum(sides) <= WIDEST else min(np.isfinite(sides).sum(), 1)] += 1
+        sides = [slow_next_wall(place, own / size, way, nearest, still[:2]) for way in (1, -1)]
+        expected[2 if sum(sides) <= MAX_GAP else min(np.isfinite(sides).sum(), 1)] += 1
     np.testing.assert_array_equal(counts, expected)
     assert counts.min() > 0
 
 
-def ground(points: Any, facing: Any, free: np.ndarray | None = None, weights: Any = 1.0) -> Ground:
+def free_space_map(
+    points: Any, facing: Any, free: np.ndarray | None = None, weights: Any = 1.0
+) -> FreeSpaceMap:
     """Walls on a grid of 4 m by 4 m about the origin, of which nothing is free unless told."""
     points, nothing = np.array(points, dtype=float), np.zeros((40, 40), dtype=bool)
     grid = Grid(nothing, nothing if free is None else free, np.array([-2.0, -2.0]), SIDE)
     weights = np.broadcast_to(np.array(weights, dtype=float), len(points))
-    return Ground.of(Walls(points, weights, np.array(facing, dtype=float), grid))
+    return FreeSpaceMap.of(Walls(points, weights, np.array(facing, dtype=float), grid))
 
 
 ABOVE = np.zeros((40, 40), dtype=bool)
@@ -189,19 +203,19 @@ NORTH, SOUTH, NOWHERE = [0.0, 1.0], [0.0, -1.0], [0.0, 0.0]
         pytest.param([3.0, 0.0], NORTH, (UNSEEN, 6), id="off the map"),
     ],
 )
-@pytest.mark.parametrize(("kind", "weight"), [(STRAIGHT, 1.0), (LOOSE, 0.5)])
+@pytest.mark.parametrize(("kind", "weight"), [(STRAIGHT, 1.0), (FURNITURE, 0.5)])
 def test_one_point_by_hand(
     place: list[float], facing: list[float], expected: tuple[int, int], kind: int, weight: float
 ) -> None:
     """a is one point of a wall, at (0.05, 0.05), that faces north; b is one point, ``place`` in a."""
-    a = ground([[0.05, 0.05]], [NORTH], ABOVE)
+    a = free_space_map([[0.05, 0.05]], [NORTH], ABOVE)
     back = se2.inverse(T)
-    b = ground(
+    b = free_space_map(
         se2.transform(back, np.array([place])),
         np.array([facing]) @ se2.rotation(back[2]).T,
         weights=weight,
     )
-    counts = tally(a, b, T).counts
+    counts = count_overlap(a, b, T).counts
     way, distance = expected
     own = np.zeros((2, 3, 7), dtype=np.int64)
     own[kind, way, distance] = 1
@@ -212,26 +226,26 @@ def test_one_point_by_hand(
 
 
 def test_a_point_beside_a_wall_is_both_near_it_and_in_its_free_space() -> None:
-    a = ground([[0.05, 0.05]], [NORTH], ABOVE)
-    b = ground([[0.05, 0.27], [0.05, 0.16]], [NORTH, NORTH])
-    counts = tally(a, b, np.zeros(3)).counts
+    a = free_space_map([[0.05, 0.05]], [NORTH], ABOVE)
+    b = free_space_map([[0.05, 0.27], [0.05, 0.16]], [NORTH, NORTH])
+    counts = count_overlap(a, b, np.zeros(3)).counts
     assert counts[STRAIGHT, BESIDE_A_WALL, 6] == 1  # 0.11 m off is still the wall
     np.testing.assert_array_equal(counts[STRAIGHT, SAME], [0, 0, 0, 2, 0, 1, 1])
 
 
-def test_a_whole_tally_by_hand() -> None:
+def test_all_counts_by_hand() -> None:
     """Walls that coincide for two points of three, in both maps; b's third lies in a's free space."""
-    a = ground([[0.05, 0.05], [1.05, 0.05]], [NORTH, NOWHERE], ABOVE, [1.0, 0.1])
+    a = free_space_map([[0.05, 0.05], [1.05, 0.05]], [NORTH, NOWHERE], ABOVE, [1.0, 0.1])
     points = np.array([[0.05, 0.08], [1.05, 0.06], [0.05, 1.55]])
     back = se2.inverse(T)
-    b = ground(se2.transform(back, points), [[1.0, 0.0]] * 3)  # north, seen from a
+    b = free_space_map(se2.transform(back, points), [[1.0, 0.0]] * 3)  # north, seen from a
     expected = np.zeros((2, 3, 7), dtype=np.int64)
     expected[STRAIGHT, SAME, 1] = 2  # 0.03 m: b's first in a, a's first in b
     expected[STRAIGHT, UNKNOWN, 0] = 1  # 0.01 m: b's second
-    expected[LOOSE, UNKNOWN, 0] = 1  # a's second
+    expected[FURNITURE, UNKNOWN, 0] = 1  # a's second
     expected[STRAIGHT, IN_THE_OPEN, 6] = 1
-    np.testing.assert_array_equal(tally(a, b, T).counts, expected)
-    np.testing.assert_array_equal(tally(b, a, se2.inverse(T)).counts, expected)
+    np.testing.assert_array_equal(count_overlap(a, b, T).counts, expected)
+    np.testing.assert_array_equal(count_overlap(b, a, se2.inverse(T)).counts, expected)
 
 
 WALL = np.arange(-1.75, 1.8, 0.1)
@@ -248,10 +262,12 @@ def test_a_door_that_is_closed_in_one_map_stands_in_a_gap_of_the_other() -> None
     free = np.zeros((40, 40), dtype=bool)
     free[17:24] = True
     back = se2.inverse(T)
-    opened = ground(wall(WALL[~DOOR], 0.05), [NORTH] * int((~DOOR).sum()), free)
-    closed = ground(se2.transform(back, wall(WALL, 0.05)), [NORTH @ se2.rotation(back[2]).T] * len(WALL))
-    in_the_gap = int((np.abs(WALL) < 0.55 - APART).sum())
-    for found in (tally(opened, closed, T), tally(closed, opened, back)):
+    opened = free_space_map(wall(WALL[~DOOR], 0.05), [NORTH] * int((~DOOR).sum()), free)
+    closed = free_space_map(
+        se2.transform(back, wall(WALL, 0.05)), [NORTH @ se2.rotation(back[2]).T] * len(WALL)
+    )
+    in_the_gap = int((np.abs(WALL) < 0.55 - GAP_CLEARANCE).sum())
+    for found in (count_overlap(opened, closed, T), count_overlap(closed, opened, back)):
         np.testing.assert_array_equal(found.gaps, [0, 0, in_the_gap])
 
 
@@ -268,32 +284,29 @@ def test_a_door_that_is_closed_in_one_map_stands_in_a_gap_of_the_other() -> None
 def test_furniture_is_no_door(y: float, facing: list[float], expected: int) -> None:
     """A point in the middle of a doorway, or in the room before it."""
     free = np.ones((40, 40), dtype=bool)
-    opened = ground(wall(WALL[~DOOR], 0.05), [NORTH] * int((~DOOR).sum()), free)
-    gaps = tally(opened, ground([[0.0, y]], [facing]), np.zeros(3)).gaps
+    opened = free_space_map(wall(WALL[~DOOR], 0.05), [NORTH] * int((~DOOR).sum()), free)
+    gaps = count_overlap(opened, free_space_map([[0.0, y]], [facing]), np.zeros(3)).gaps
     np.testing.assert_array_equal(gaps, np.eye(3)[expected])
 
 
 def test_where_a_wall_ends_there_is_no_gap() -> None:
     """Nor where the next wall is farther than any door is wide."""
     free = np.ones((40, 40), dtype=bool)
-    end, far = WALL < -0.5, np.abs(WALL) > 0.5 * WIDEST + 0.1
+    end, far = WALL < -0.5, np.abs(WALL) > 0.5 * MAX_GAP + 0.1
     for stands in (end, far):
-        a = ground(wall(WALL[stands], 0.05), [NORTH] * int(stands.sum()), free)
-        gaps = tally(a, ground([[0.0, 0.05]], [NORTH]), np.zeros(3)).gaps
+        a = free_space_map(wall(WALL[stands], 0.05), [NORTH] * int(stands.sum()), free)
+        gaps = count_overlap(a, free_space_map([[0.0, 0.05]], [NORTH]), np.zeros(3)).gaps
         np.testing.assert_array_equal(gaps, [0, 1, 0])
 
 
-def test_likeness_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_overlap_log_odds_by_hand() -> None:
     """Weights times roots, and the constant."""
-    weights, counts = np.zeros((2, 3, 7)), np.zeros((2, 3, 7), dtype=np.int64)
-    weights[0, 0, 0], weights[1, 2, 6], weights[0, 1, 3] = 0.5, -2.0, 7.0
+    counts = np.zeros((2, 3, 7), dtype=np.int64)
+    assert overlap_log_odds(OverlapCounts(counts, np.zeros(3))) == BIAS
     counts[0, 0, 0], counts[1, 2, 6], counts[1, 1, 1] = 16, 9, 100
-    monkeypatch.setattr(stitch.alignment.likelihood, "WEIGHTS", weights)
-    monkeypatch.setattr(stitch.alignment.likelihood, "GAPS", np.array([1.0, 0.0, -4.0]))
-    monkeypatch.setattr(stitch.alignment.likelihood, "BIAS", -3.0)
-    found = likeness(Tally(counts, np.array([36, 100, 4])))
-    assert found == pytest.approx(0.5 * 4.0 - 2.0 * 3.0 + 6.0 - 8.0 - 3.0)
-    assert likeness(Tally(0 * counts, np.zeros(3))) == -3.0
+    expected = 4.0 * WEIGHTS[0, 0, 0] + 3.0 * WEIGHTS[1, 2, 6] + 10.0 * WEIGHTS[1, 1, 1]
+    expected += GAPS @ [6.0, 10.0, 2.0] + BIAS
+    assert overlap_log_odds(OverlapCounts(counts, np.array([36, 100, 4]))) == pytest.approx(expected)
 
 
 def test_what_was_learnt_is_sane() -> None:
@@ -303,12 +316,16 @@ def test_what_was_learnt_is_sane() -> None:
     same[STRAIGHT, SAME, :3] = 300
     against[STRAIGHT, IN_THE_OPEN, 6] = 300
     nothing, nowhere, doors = 0 * same, np.zeros(3), np.array([0, 0, 30])
-    assert likeness(Tally(same, nowhere)) > likeness(Tally(nothing, nowhere))
-    assert likeness(Tally(nothing, nowhere)) > likeness(Tally(against, nowhere))
-    assert likeness(Tally(same, nowhere)) > likeness(Tally(same + against, nowhere))
-    assert likeness(Tally(same, nowhere)) > likeness(Tally(same, doors))
-    assert likeness(Tally(nothing, nowhere)) < 0.0
-    assert stitch.alignment.likelihood.GUIDED > 0.0
+    assert overlap_log_odds(OverlapCounts(same, nowhere)) > overlap_log_odds(OverlapCounts(nothing, nowhere))
+    assert overlap_log_odds(OverlapCounts(nothing, nowhere)) > overlap_log_odds(
+        OverlapCounts(against, nowhere)
+    )
+    assert overlap_log_odds(OverlapCounts(same, nowhere)) > overlap_log_odds(
+        OverlapCounts(same + against, nowhere)
+    )
+    assert overlap_log_odds(OverlapCounts(same, nowhere)) > overlap_log_odds(OverlapCounts(same, doors))
+    assert overlap_log_odds(OverlapCounts(nothing, nowhere)) < 0.0
+    assert PRIOR_BONUS > 0.0
 
 
 @pytest.fixture(scope="module")
@@ -334,28 +351,29 @@ def test_walls_face_who_saw_them(back_to_back: tuple[Walls, Walls, Walls]) -> No
         assert np.abs(along).max() < 0.1
 
 
-def test_walls_back_to_back_are_not_likened(back_to_back: tuple[Walls, Walls, Walls]) -> None:
+def test_walls_back_to_back_are_less_likely(back_to_back: tuple[Walls, Walls, Walls]) -> None:
     """The wall between two rooms coincides with itself to the millimetre; they are two places still."""
-    first, behind, again = (Ground.of(walls) for walls in back_to_back)
-    apart, same = (tally(first, other, np.zeros(3)).counts for other in (behind, again))
+    first, behind, again = (FreeSpaceMap.of(walls) for walls in back_to_back)
+    apart, same = (count_overlap(first, other, np.zeros(3)).counts for other in (behind, again))
     assert apart[:, OPPOSITE, :2].sum() > 120
     assert apart[:, SAME, :2].sum() < 0.1 * apart[:, OPPOSITE, :2].sum()
     assert same[:, OPPOSITE, :6].sum() < 0.05 * same[:, SAME, :6].sum()
     turned = apart.copy()
     turned[:, [SAME, OPPOSITE], :6] = apart[:, [OPPOSITE, SAME], :6]  # as if seen from the same side
-    likely = [likeness(Tally(counts, np.zeros(3))) for counts in (same, turned, apart)]
+    likely = [overlap_log_odds(OverlapCounts(counts, np.zeros(3))) for counts in (same, turned, apart)]
     assert likely == sorted(likely, reverse=True)
 
 
 def test_a_prior_adds_a_constant_and_takes_the_distance(
-    back_to_back: tuple[Walls, Walls, Walls], monkeypatch: pytest.MonkeyPatch
+    back_to_back: tuple[Walls, Walls, Walls],
 ) -> None:
     """2σ along b's x and 1σ in yaw are ½·(4 + 1)."""
-    monkeypatch.setattr(stitch.alignment.joint, "GUIDED", 4.0)
     first, _, again = back_to_back
     at = np.array([0.2, 0.0, 0.0])
     prior = Prior(np.array([0.0, 0.0, 0.1]), np.diag([0.01, 1e4, 0.01]))
-    alone, told = (Scene.of(first, again, known, AlignConfig()).odds(at) for known in (None, prior))
+    alone, told = (
+        AlignmentProblem.of(first, again, known, AlignConfig()).log_odds(at) for known in (None, prior)
+    )
     distance = (0.2 * np.cos(0.1) / 0.1) ** 2 + 1.0  # in the axes of the expected b
-    assert alone == likeness(tally(Ground.of(first), Ground.of(again), at))
-    assert told - alone == pytest.approx(4.0 - 0.5 * distance, abs=1e-3)
+    assert alone == overlap_log_odds(count_overlap(FreeSpaceMap.of(first), FreeSpaceMap.of(again), at))
+    assert told - alone == pytest.approx(PRIOR_BONUS - 0.5 * distance, abs=1e-3)

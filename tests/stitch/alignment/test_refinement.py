@@ -9,14 +9,17 @@ import pytest
 
 from slam import se2
 from slam.mapping.occupancy import Grid
-from stitch.alignment.config import AlignConfig
+from stitch.alignment.config import AlignConfig, ClimbConfig, CovarianceConfig, SearchConfig
 from stitch.alignment.raster import Raster, Walls, dilated
-from stitch.alignment.refinement import ScoreField, about, climb, covariance, score_field
-from stitch.alignment.result import Prior
+from stitch.alignment.refinement import ScoreField, about, covariance, hill_climb, score_field
+from stitch.alignment.result import Prior, max_distance
 from stitch.alignment.translation import LINE, correlate, padded_shape, spectra
 
-CONFIG = AlignConfig(resolution=0.5)
+CONFIG = AlignConfig(
+    resolution=0.5, climb=ClimbConfig(halvings=3), search=SearchConfig(free_penalty=5.0, lenient_penalty=5.0)
+)
 PENALTY = 5.0
+STEP = (0.1, np.radians(1.0))
 
 
 def random_raster(seed: int, shape: tuple[int, int], first: tuple[int, int]) -> Raster:
@@ -40,7 +43,7 @@ def walls(raster: Raster) -> Walls:
 
 
 def field_of(a: Raster, b: Raster, config: AlignConfig = CONFIG, prior: Prior | None = None) -> ScoreField:
-    return score_field(walls(a), walls(b), PENALTY, prior, config)
+    return score_field(walls(a), walls(b), prior, config)
 
 
 def test_agrees_with_the_search_at_whole_cells() -> None:
@@ -69,7 +72,7 @@ def test_the_outermost_wall_counts() -> None:
 def test_climbing_reaches_the_top() -> None:
     a = random_raster(2, (40, 40), (-20, -20))
     field = field_of(a, a)
-    T, score = climb(field, np.array([0.22, -0.17, 0.03]), np.zeros(2))
+    T, score = hill_climb(field, np.array([0.22, -0.17, 0.03]), np.zeros(2), STEP)
     np.testing.assert_allclose(T, 0.0, atol=0.03)
     assert score > field.scores(np.array([[0.22, -0.17, 0.03]]))[0]
 
@@ -79,7 +82,7 @@ def test_the_kernel_climbs_the_score_it_reports() -> None:
     a, b = random_raster(6, (40, 40), (-20, -20)), random_raster(7, (30, 36), (-9, -14))
     prior = Prior(np.array([0.3, 0.2, 0.1]), np.diag([0.5, 0.2, 0.1]) ** 2)
     field = field_of(a, b, prior=prior)
-    T, score = climb(field, np.array([0.1, 0.4, 0.05]), np.array([3.0, -2.0]))
+    T, score = hill_climb(field, np.array([0.1, 0.4, 0.05]), np.array([3.0, -2.0]), STEP)
     assert score == pytest.approx(float(field.scores(T[None])[0]), rel=1e-6)
     for step in np.concatenate([np.eye(3), -np.eye(3)]) * [0.0125, 0.0125, np.radians(0.125)]:
         assert field.scores(about(T, np.array([3.0, -2.0]), step[None]))[0] <= score + 1e-6
@@ -109,7 +112,9 @@ def test_poses_surely_worse_than_enough_are_not_scored() -> None:
 def test_warp_widens_the_covariance_about_the_pivot() -> None:
     a, pivot = random_raster(3, (40, 40), (-20, -20)), np.array([6.0, -2.0])
     none, warped = (
-        covariance(field_of(a, a, replace(CONFIG, warp=warp)), np.zeros(3), pivot)
+        covariance(
+            field_of(a, a, replace(CONFIG, covariance=CovarianceConfig(warp=warp))), np.zeros(3), pivot
+        )
         for warp in ((0.0, 0.0), (0.02, 0.005))
     )
     expected = se2.transport(np.diag([0.02, 0.02, 0.005]) ** 2, np.array([*pivot, 0.0]))
@@ -119,7 +124,11 @@ def test_warp_widens_the_covariance_about_the_pivot() -> None:
 def test_a_hotter_score_is_a_wider_one() -> None:
     a = random_raster(4, (40, 40), (-20, -20))
     cold, hot = (
-        covariance(field_of(a, a, replace(CONFIG, temperature=t)), np.zeros(3), np.zeros(2))
+        covariance(
+            field_of(a, a, replace(CONFIG, covariance=CovarianceConfig(temperature=t))),
+            np.zeros(3),
+            np.zeros(2),
+        )
         for t in (1.0, 500.0)
     )
     assert np.all(np.diag(hot) > np.diag(cold))
@@ -132,4 +141,12 @@ def test_the_prior_counts_in_the_axes_of_b() -> None:
     np.testing.assert_allclose(prior.distance(T), [4.0, 0.25, 4.0])
     a = random_raster(5, (20, 20), (0, 0))
     lost = field_of(a, a).scores(T) - field_of(a, a, prior=prior).scores(T)
-    np.testing.assert_allclose(lost, 0.5 * CONFIG.prior_weight * prior.distance(T), atol=1e-9)
+    np.testing.assert_allclose(lost, 0.5 * CONFIG.prior.weight * prior.distance(T), atol=1e-9)
+
+
+def test_the_covariance_of_the_pose_adds_to_that_of_the_prior() -> None:
+    prior = Prior(np.zeros(3), np.diag([1.0, 4.0, 0.01]))
+    T, sigma = np.array([2.0, 2.0, 0.1]), np.diag([3.0, 4.0, 0.03])
+    assert prior.distance(T, sigma) == pytest.approx(4.0 / 4.0 + 4.0 / 8.0 + 0.01 / 0.04)
+    assert max_distance(0.999) == pytest.approx(16.266, abs=1e-3)  # the χ² table's, 3 degrees of freedom
+    assert max_distance(1.0) == np.inf

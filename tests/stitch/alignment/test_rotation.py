@@ -13,6 +13,8 @@ from slam import se2
 from stitch.alignment import hough
 from stitch.alignment.rotation import cross_correlation, hypotheses
 
+SEPARATION = np.radians(10.0)
+
 
 def spectrum_of(points: np.ndarray) -> np.ndarray:
     return hough.spectrum(hough.transform(points, 360, 0.1))
@@ -53,7 +55,9 @@ def test_spectra_of_different_length_are_refused() -> None:
 def test_the_true_rotation_is_among_them(walls: np.ndarray, degrees: float) -> None:
     """p_a = R p_b, so b's points are a's turned back."""
     angle = np.radians(degrees)
-    found, _ = hypotheses(spectrum_of(walls), spectrum_of(walls @ se2.rotation(angle)), n_peaks=2)
+    found, _ = hypotheses(
+        spectrum_of(walls), spectrum_of(walls @ se2.rotation(angle)), 2, SEPARATION, np.radians(1.0)
+    )
     assert np.abs(se2.wrap(found - angle)).min() < np.radians(0.3)
 
 
@@ -63,7 +67,7 @@ def test_smoothing_finds_the_angle_between_the_bins(walls: np.ndarray) -> None:
     errors = {}
     for smoothing in (0.0, np.radians(1.0)):
         turned = [
-            hypotheses(spectrum_of(walls), spectrum_of(walls @ se2.rotation(a)), 1, smoothing=smoothing)[0]
+            hypotheses(spectrum_of(walls), spectrum_of(walls @ se2.rotation(a)), 1, SEPARATION, smoothing)[0]
             for a in angles
         ]
         errors[smoothing] = np.mean(
@@ -73,15 +77,17 @@ def test_smoothing_finds_the_angle_between_the_bins(walls: np.ndarray) -> None:
     assert errors[np.radians(1.0)] < 0.7 * errors[0.0]
 
 
-def test_report_takes_the_bin_itself(walls: np.ndarray) -> None:
+def test_the_thesis_takes_the_bin_itself(walls: np.ndarray) -> None:
     a, b = spectrum_of(walls), spectrum_of(walls @ se2.rotation(np.radians(33.2)))
-    raw, _ = hypotheses(a, b, 1, smoothing=0.0)
+    raw, _ = hypotheses(a, b, 1, SEPARATION, 0.0)
     assert raw[0] == pytest.approx(np.argmax(cross_correlation(a, b)) * np.pi / 360)
 
 
 def test_hypotheses_come_in_twins_and_right_angles(walls: np.ndarray) -> None:
-    """The report's figure 3.8: four hypotheses, 90° apart."""
-    found, scores = hypotheses(spectrum_of(walls), spectrum_of(walls @ se2.rotation(0.4)), n_peaks=2)
+    """The thesis's figure 3.8: four hypotheses, 90° apart."""
+    found, scores = hypotheses(
+        spectrum_of(walls), spectrum_of(walls @ se2.rotation(0.4)), 2, SEPARATION, np.radians(1.0)
+    )
     np.testing.assert_allclose(np.abs(se2.wrap(found[::2] - found[1::2])), np.pi)
     np.testing.assert_allclose(np.sort(se2.wrap(4.0 * (found - 0.4))), 0.0, atol=0.05)
     assert np.all(found >= -np.pi)
@@ -94,7 +100,7 @@ def test_peaks_keep_their_distance() -> None:
     a[[100, 110, 200]] = [1.0, 0.9, 0.5]  # 0°, 5° and 50° from the first
     b = np.zeros(360)
     b[0] = 1.0
-    found, _ = hypotheses(a, b, n_peaks=2, smoothing=0.0)
+    found, _ = hypotheses(a, b, 2, SEPARATION, 0.0)
     np.testing.assert_allclose(found[::2], [100 * np.pi / 360, 200 * np.pi / 360])
 
 
@@ -103,5 +109,5 @@ def test_peaks_keep_their_distance_across_the_seam() -> None:
     a[[1, 355, 180]] = [1.0, 0.9, 0.5]
     b = np.zeros(360)
     b[0] = 1.0
-    found, _ = hypotheses(a, b, n_peaks=2, smoothing=0.0)
+    found, _ = hypotheses(a, b, 2, SEPARATION, 0.0)
     np.testing.assert_allclose(found[::2], [1 * np.pi / 360, 180 * np.pi / 360])

@@ -10,10 +10,9 @@ from scipy.fft import rfft2
 
 from slam import se2
 from slam.mapping.occupancy import Grid
-from stitch.alignment.kernels import multiply
 from stitch.alignment.raster import Raster, rasterise
+from stitch.alignment.raster_kernels import multiply_spectra
 from stitch.alignment.translation import (
-    FACING,
     LINE,
     Spectra,
     best_shifts,
@@ -56,7 +55,7 @@ def slow_score(a: Raster, b: Raster, lag: tuple[int, int], penalty: float) -> fl
     for row, column in np.ndindex(b.occupied.shape):
         i, j = row + lag[1], column + lag[0]
         if 0 <= i < a.occupied.shape[0] and 0 <= j < a.occupied.shape[1]:
-            alike = (1.0 - FACING) + FACING * (a.facing[:, i, j] @ b.facing[:, row, column])
+            alike = 0.5 + 0.5 * (a.facing[:, i, j] @ b.facing[:, row, column])
             score += alike * (a.occupied[i, j] & b.occupied[row, column])
             score -= penalty * (a.occupied[i, j] & b.free[row, column])
             score -= penalty * (a.free[i, j] & b.occupied[row, column])
@@ -201,15 +200,15 @@ def test_products_of_transforms_are_those_of_numpy() -> None:
         (rng.normal(size=(4, 6, 5)) + 1j * rng.normal(size=(4, 6, 5))).astype(np.complex64) for _ in range(2)
     )
     gain = rng.uniform(size=(6, 5)).astype(np.float32)
-    found = multiply(a, b, gain, 0.3)
+    found = multiply_spectra(a, b, gain, 0.3)
     crossed = a * np.conj(b)
     agreement = gain * (0.7 * crossed[0] + 0.3 * (crossed[2] + crossed[3]))
     conflict = a[1] * np.conj(b[0]) + a[0] * np.conj(b[1])
     assert found.dtype == np.complex64
     np.testing.assert_allclose(found, [agreement, conflict], rtol=1e-4, atol=1e-5)
     half_turned = np.conj(b) * np.array([1.0, 1.0, -1.0, -1.0], dtype=np.float32)[:, None, None]
-    found = multiply(a, b, gain, 0.3, True)
-    np.testing.assert_allclose(found, multiply(a, half_turned, gain, 0.3), rtol=1e-4, atol=1e-5)
+    found = multiply_spectra(a, b, gain, 0.3, True)
+    np.testing.assert_allclose(found, multiply_spectra(a, half_turned, gain, 0.3), rtol=1e-4, atol=1e-5)
 
 
 def test_spectra_are_those_of_scipy() -> None:
@@ -226,7 +225,7 @@ def test_spectra_are_those_of_scipy() -> None:
 
 def test_only_b_is_turned() -> None:
     one = spectra(raster(np.ones((3, 3), bool)), (8, 8))
-    with pytest.raises(ValueError, match="half a turn on"):
+    with pytest.raises(ValueError, match="turned"):
         correlate(one.half_turned(), one)
     np.testing.assert_array_equal(
         correlate(one, one.half_turned().half_turned()).agreement, correlate(one, one).agreement
@@ -270,7 +269,7 @@ def test_best_shifts_of_an_empty_window() -> None:
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.0])
 @pytest.mark.parametrize("direction", [0.0, 0.4])
 def test_x_and_y_spectra_find_a_full_overlap(yaw: float, direction: float) -> None:
-    """An L of walls along ``direction`` in a; no 2-pixel lag as in the report's program."""
+    """An L of walls along ``direction`` in a; no 2-pixel lag as in the thesis's program."""
     along = np.arange(0.0, 6.0, 0.05)
     local = np.concatenate(
         [np.stack([along, 0 * along], -1), np.stack([0 * along[:80], along[:80]], -1), [[3.0, 2.0]] * 9]

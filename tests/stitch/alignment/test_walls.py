@@ -9,6 +9,7 @@ from slam import se2
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
 from stitch.align import AlignConfig, align
+from stitch.alignment.config import RefinementConfig
 from stitch.alignment.walls import surfaces
 
 SIDE = 0.1
@@ -100,7 +101,7 @@ def test_the_scan_matcher_improves_on_what_the_cells_give(plan):
         )
         centre = b.points.points.mean(axis=0, keepdims=True)
         for refine in (True, False):
-            T_a_b = align(a, b, config=AlignConfig(refine=refine)).T_a_b
+            T_a_b = align(a, b, config=AlignConfig(refinement=RefinementConfig(enabled=refine))).T_a_b
             off = se2.transform(T_a_b, centre) - se2.transform(se2.between(*poses), centre)
             row[int(refine)] = np.linalg.norm(off)
     without, refined = np.sqrt(np.mean(errors**2, axis=0))

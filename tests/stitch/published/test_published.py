@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,16 +13,17 @@ from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
 from stitch import NoStitch, Prior, Stitch, align
 from stitch.align import METHODS, AlignConfig
-from stitch.alignment.config import Method
+from stitch.alignment.config import DirectionConfig, FeatureConfig
+from stitch.alignment.raster import Raster
 from stitch.alignment.rotation import common_directions, reason_against_directions
 from stitch.alignment.translation import lags
 from stitch.published.carpin import acceptance_index
 from stitch.published.censi import solutions
 from stitch.published.features import Matches, fit_rigid, umeyama
 from stitch.published.htms import four_hypotheses
-from stitch.published.pair import Cells, pair, redraw
+from stitch.published.pair import pair, redraw
 
-OLD = [method for method in get_args(Method) if method != "joint"]
+OLD = [method for method in METHODS if method != "joint"]
 PLACES = np.array([[12.0, 10.5, 0.7], [18.0, 9.0, -2.0]])
 """Of the frames of two cut-outs in the plan of `rooms`, far from upright."""
 T_TRUE = se2.between(PLACES[0], PLACES[1])
@@ -96,15 +97,16 @@ def error(T_true: np.ndarray, T: np.ndarray) -> tuple[float, float]:
 
 
 def told(method: str, T_true: np.ndarray = T_TRUE) -> Prior | None:
-    """The report's method needs to be told the rotation, as by an inertial sensor."""
+    """The thesis's method needs to be told the rotation, as by an inertial sensor."""
     guess = T_true + np.array([3.0, -2.0, np.radians(7.0)])
     return Prior(guess, np.diag([4.0, 4.0, 0.2]) ** 2) if method == "htms" else None
 
 
-def test_every_method_has_a_name_and_every_name_a_method() -> None:
-    assert set(METHODS) == set(get_args(Method))
-    with pytest.raises(ValueError, match=r"expected one of joint, htms, .*, got 'carpet'"):
-        AlignConfig(method="carpet")  # type: ignore[arg-type]
+def test_a_method_is_one_entry(most: tuple[Submap, Submap], monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ValueError, match=r"expected one of joint, htms, .*, got 'mine'"):
+        AlignConfig(method="mine")
+    monkeypatch.setitem(METHODS, "mine", lambda a, b, prior, config: NoStitch(f"{config.method} has no idea"))
+    assert align(*most, config=config("mine")) == NoStitch("mine has no idea")
 
 
 @pytest.mark.parametrize("method", OLD)
@@ -213,7 +215,7 @@ def test_a_prior_excludes(most: tuple[Submap, Submap], method: str) -> None:
         assert abs(float(se2.wrap(answer.T_a_b[2] - T_TRUE[2]))) > 2.5
 
 
-def test_the_report_chooses_among_four_rotations_in_whole_degrees(most: tuple[Submap, Submap]) -> None:
+def test_the_thesis_chooses_among_four_rotations_in_whole_degrees(most: tuple[Submap, Submap]) -> None:
     maps = pair(*most, config("htms"))
     assert not isinstance(maps, NoStitch)
     four = np.degrees([found.T_a_b[2] for found in four_hypotheses(maps)])
@@ -242,9 +244,9 @@ def test_carpin_takes_the_best_acceptance_index(most: tuple[Submap, Submap]) -> 
     assert omegas == sorted(omegas, reverse=True)
 
 
-def cells(rows: list[str], first: tuple[int, int]) -> Cells:
+def cells(rows: list[str], first: tuple[int, int]) -> Raster:
     drawn = np.array([list(row) for row in rows])
-    return Cells(drawn == "#", drawn == ".", np.array(first, dtype=float))
+    return Raster(drawn == "#", drawn == ".", np.array(first, dtype=float), SIDE)
 
 
 def test_acceptance_index_by_hand() -> None:
@@ -296,7 +298,7 @@ def test_censi_uses_as_many_directions_as_there_are(plan: dict[str, Any]) -> Non
     a, b = (cut_out(comb, place, [-4.0, -4.0], [14.0, 14.0], plan) for place in PLACES)
     maps = pair(a, b, config("censi"))
     assert not isinstance(maps, NoStitch)
-    directions = common_directions(*maps.spectra(360, split=True), T_TRUE[2], 3)
+    directions = common_directions(*maps.spectra(360, split=True), T_TRUE[2], 3, DirectionConfig())
     expected = PLACES[0, 2] + np.radians([0.0, 60.0, 120.0])  # normals, in a's frame: turned back
     off = (directions + 2.0 * PLACES[0, 2] - expected[:, None]) % (np.pi / 3.0)
     np.testing.assert_allclose(np.minimum(off, np.pi / 3.0 - off), 0.0, atol=np.radians(1.0))
@@ -339,9 +341,9 @@ def test_reasons_against_directions() -> None:
     flat, one, two = np.ones(180), np.full(180, 0.01), np.full(180, 0.05)
     one[[40, 41]] = 1.0
     two[[40, 130]] = 1.0, 0.5
-    assert "submap a have no directions" in str(reason_against_directions(flat, two))
-    assert "submap b have one direction" in str(reason_against_directions(two, one))
-    assert reason_against_directions(two, two) is None
+    assert "submap a have no directions" in str(reason_against_directions(flat, two, DirectionConfig()))
+    assert "submap b have one direction" in str(reason_against_directions(two, one, DirectionConfig()))
+    assert reason_against_directions(two, two, DirectionConfig()) is None
 
 
 def test_a_rigid_transform_is_found_among_false_matches() -> None:
@@ -349,7 +351,7 @@ def test_a_rigid_transform_is_found_among_false_matches() -> None:
     b = rng.uniform(-10.0, 10.0, (80, 2))
     a = se2.transform(T_TRUE, b) + rng.normal(0.0, 0.02, b.shape)
     a[30:] = rng.uniform(-20.0, 20.0, (50, 2))
-    fitted = fit_rigid(Matches(a, b), 0.3, 1.0)
+    fitted = fit_rigid(Matches(a, b), AlignConfig())
     assert fitted is not None
     assert fitted[1] >= 30
     assert error(T_TRUE, fitted[0])[0] < 0.05
@@ -358,10 +360,11 @@ def test_a_rigid_transform_is_found_among_false_matches() -> None:
 
 def test_scale_and_mirror_are_not_rigid() -> None:
     b = np.random.default_rng(1).uniform(-10.0, 10.0, (60, 2))
+    strict = AlignConfig(features=FeatureConfig(reach=1.0))
     for a in (1.3 * b, b * [1.0, -1.0]):
-        fitted = fit_rigid(Matches(a, b), 0.1, 1.0)
+        fitted = fit_rigid(Matches(a, b), strict)
         assert fitted is None or fitted[1] < 15
-    assert fit_rigid(Matches(b[:2], 3.0 * b[:2]), 0.1, 1.0) is None
+    assert fit_rigid(Matches(b[:2], 3.0 * b[:2]), strict) is None
 
 
 def test_umeyama_has_the_least_squared_error() -> None:
