@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim import cells, corruption, ground, traversal
+from sim import cells, corruption, traversal
 from sim.corruption import Effects
-from sim.sightings import Sightings
+from sim.moving_obstacle_raycast import MovingObstacles
 from sim.smoke import Haze, Smoke
 from sim.terrain import Terrain
+from sim.terrain_kernels import build_ground
 from sim.world import Obstacles, World, plates
 from slam.recording import Laser
 from slam.se2 import Array
@@ -43,7 +44,7 @@ class Raycaster:
     def _prepare(self, obstacles: Obstacles, terrain: Terrain | None = None, ceiling: float = np.inf) -> None:
         field = (terrain or Terrain.level([0.0, 0.0], [1.0, 1.0], 1.0)).field
         self._scene = traversal.Scene(
-            obstacles, cells.build(obstacles), ground.build(field), terrain is not None, float(ceiling)
+            obstacles, cells.build(obstacles), build_ground(field), terrain is not None, float(ceiling)
         )
 
     def cast(self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf) -> Array:
@@ -135,7 +136,7 @@ class Scanner:
         caster: Raycaster,
         robot: ArrayLike,
         rng: np.random.Generator,
-        movers: Sightings | None = None,
+        movers: MovingObstacles | None = None,
         smoke: Smoke | None = None,
     ) -> Array:
         """Ranges ``(N, B)`` m as the laser reports them from robot poses (N, 6), NaN without return.

@@ -12,9 +12,9 @@ from sim import inertial, odometry
 from sim.driver import Driver, DriverConfig, Ending
 from sim.inertial import InertialConfig, ShockConfig
 from sim.laser import Scanner
+from sim.moving_obstacle_raycast import MovingObstacles
 from sim.odometry import OdometryConfig
 from sim.robot import Robot, RobotConfig
-from sim.sightings import Sightings
 from sim.world import World
 from slam import se2
 from slam.recording import Recording, Source
@@ -203,7 +203,9 @@ def observe(
     rows = driven.scan_rows
     seen = driven.states[rows]
     world, scanner = setup.world, setup.scanner
-    movers = Sightings.on_ground(world.movers, driven.movers, world.terrain) if driven.movers.size else None
+    movers = None
+    if driven.movers.size:
+        movers = MovingObstacles.on_ground(world.movers, driven.movers, world.terrain)
     ranges = scanner.scan(scanner.caster(world), seen, scanning, movers, world.smoke)
     reckoned, attitude = _reckon(setup, driven, reckoning)
     recording = Recording(

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pymunk
 
-from sim.surroundings import GRAVITY, SURFACE_FRICTION, Surroundings
-from sim.terrain import HeightField, footprint_plane, height_at
+from sim.physics import GRAVITY, SURFACE_FRICTION, PhysicsWorld
+from sim.terrain_kernels import HeightField, footprint_plane, height_at
 from sim.world import World
 
 
@@ -62,7 +62,7 @@ class Robot:
         self.config = config
         self._ground: HeightField = world.terrain.field
         self._roughness: HeightField = world.terrain.roughness_field
-        self._surroundings = Surroundings(world, config.step_height, config.height)
+        self._physics = PhysicsWorld(world, config.step_height, config.height)
         inertia = pymunk.moment_for_box(config.mass, (config.length, config.width))
         self._body = pymunk.Body(config.mass, inertia)
         self._body.position = pose[:2]
@@ -70,7 +70,7 @@ class Robot:
         shape = pymunk.Poly.create_box(self._body, (config.length, config.width))
         shape.friction = SURFACE_FRICTION
         shape.collision_type = 1
-        space = self._surroundings.space
+        space = self._physics.space
         space.add(self._body, shape)
         space.on_collision(1, None, post_solve=self._feel)
         self.impulse = 0.0
@@ -93,7 +93,7 @@ class Robot:
     @property
     def movers(self) -> list[tuple[float, float, float]]:
         """Poses x, y, yaw of the debris, then of the people."""
-        return self._surroundings.movers
+        return self._physics.movers
 
     @property
     def roughness(self) -> float:
@@ -109,7 +109,7 @@ class Robot:
         height, forward, sideways = self._plane()
         self._push(left, right, forward, sideways)
         self.impulse = 0.0
-        self._surroundings.step(self._body.position, dt)
+        self._physics.step(self._body.position, dt)
         self._fall(height, dt)
         shake_roll, shake_pitch = rng.standard_normal(2) * self.roughness * self._moving()
         self._roll.step(float(np.arctan(sideways)), shake_roll, dt)

@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from sim.beams import beam_directions
-from sim.terrain import HeightField, clip_to
+from sim.terrain_kernels import HeightField, beam_directions, clip_to
 from slam.se2 import Array
 
 
