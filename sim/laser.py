@@ -86,19 +86,22 @@ class Raycaster:
 
 @dataclass(frozen=True)
 class Scanner:
-    """A laser on a robot: ``beams`` over ``field_of_view`` rad, mounted at ``mount`` (x, y, yaw) and
-    ``height`` m.
-
-    The defaults are the Hokuyo of USARSim's Kenaf.
-    """
+    """A laser on a robot; the defaults are the Hokuyo of USARSim's Kenaf."""
 
     beams: int = 228
+    """In a scan."""
     field_of_view: float = 4.1889
+    """From the first beam to the last [rad]."""
     range_min: float = 0.1
+    """Least range that is reported [m]."""
     range_max: float = 4.0
+    """Ranges from this on are not reported [m]."""
     mount: tuple[float, float, float] = (-0.08, 0.0, 0.0)
+    """Pose in the robot's frame: x, y [m], yaw [rad]."""
     height: float = 0.30
+    """Above the ground [m]."""
     effects: Effects = field(default_factory=Effects)
+    """What its scans suffer."""
 
     @property
     def angles(self) -> Array:

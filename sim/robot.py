@@ -14,25 +14,30 @@ from sim.world import World
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """Body and tracks; the defaults are those of USARSim's Kenaf.
-
-    Lengths in m, mass in kg. ``friction`` of the tracks along, ``lateral_friction`` across; ``grip`` [s] is
-    the time in which a track takes up its commanded speed; ``skid_ratio`` is how much slower the body turns
-    than its track speeds say. Solids lower than ``step_height`` or higher than ``height`` do not stop it.
-    ``tilt_rate`` [rad/s] and ``tilt_damping`` describe how roll and pitch follow the ground.
-    """
+    """Body and tracks; the defaults are those of USARSim's Kenaf."""
 
     length: float = 0.40
+    """Of the body [m]."""
     width: float = 0.22
+    """Of the body, and between the tracks [m]."""
     height: float = 0.45
+    """Solids that begin above this do not stop the robot [m]."""
     step_height: float = 0.08
+    """Solids that end below this do not stop the robot [m]."""
     mass: float = 24.0
+    """kg."""
     friction: float = 0.8
+    """Coulomb's coefficient of the tracks along the body."""
     lateral_friction: float = 0.6
+    """The same across."""
     grip: float = 0.02
+    """Time [s] in which a track takes up its commanded speed."""
     skid_ratio: float = 1.5
+    """How many times slower the body turns than its track speeds say."""
     tilt_rate: float = 12.0
+    """Natural frequency [rad/s] with which roll and pitch follow the ground."""
     tilt_damping: float = 0.4
+    """Damping ratio of that; 1 is critical."""
 
     def track_speeds(self, speed: float, turn_rate: float) -> tuple[float, float]:
         """Left and right track speeds m/s that give this speed m/s and turn rate rad/s on level ground."""

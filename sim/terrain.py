@@ -56,11 +56,7 @@ class Terrain:
 
     def nodes(self) -> tuple[Array, Array]:
         """x and y of every node, each ``(rows, columns)`` m."""
-        rows, columns = self.heights.shape
-        x = self.origin[0] + self.resolution * np.arange(columns)
-        y = self.origin[1] + self.resolution * np.arange(rows)
-        columns_x, rows_y = np.meshgrid(x, y)
-        return columns_x, rows_y
+        return self.field.nodes()
 
     def with_ramp(self, a: ArrayLike, b: ArrayLike, width: float, rise: float) -> Terrain:
         """A ramp from the ground at ``a (2,)`` up to ``rise`` m at ``b (2,)``, where it drops: a ledge."""

@@ -22,6 +22,14 @@ class HeightField(NamedTuple):
     resolution: float
     highest: float
 
+    def nodes(self) -> tuple[Array, Array]:
+        """x and y of every node, each ``(rows, columns)`` m."""
+        rows, columns = self.heights.shape
+        x = self.x0 + self.resolution * np.arange(columns)
+        y = self.y0 + self.resolution * np.arange(rows)
+        columns_x, rows_y = np.meshgrid(x, y)
+        return columns_x, rows_y
+
 
 class Ground(NamedTuple):
     """The ground as the ray caster wants it: blocks of it that a ray passes over are skipped at once.
