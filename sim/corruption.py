@@ -82,8 +82,7 @@ def corrupt(
     """Reported ranges ``(N, B)`` m from the sub-rays' true ranges and incidence cosines ``(N, B, J)``.
 
     ``limits`` are the smallest and largest range m the laser reports, ``haze`` the smoke in the way of the
-    beams, if any. Each effect draws from its own
-    stream, so that switching one leaves the others' draws alone.
+    beams, if any. Each effect draws from its own stream: switching one leaves the others' draws alone.
     """
     mixing, dropping, noising, smoking = rng.spawn(4)
     nearest = np.argmin(np.where(np.isnan(ranges), np.inf, ranges), axis=2)[..., None]
