@@ -161,30 +161,30 @@ def _sort(first, last, edges, planes, frame, filled, shapes):
 
 
 @njit(cache=True)
-def _collect(box, columns, starts, shapes, found, count, limit):
-    """Add the shapes of a box of cells to ``found``; returns their number, -1 when it passes ``limit``."""
+def _collect(box, columns, starts, shapes, members, count, limit):
+    """Add the shapes of a box of cells to ``members``; returns their number, -1 when it passes ``limit``."""
     for j in range(box[2], box[3]):
         for i in range(box[0], box[1]):
             c = j * columns + i
             for n in range(starts[c], starts[c + 1]):
                 known = False
                 for m in range(count):
-                    known = known or found[m] == shapes[n]
+                    known = known or members[m] == shapes[n]
                 if not known:
                     if count == limit:
                         return -1
-                    found[count] = shapes[n]
+                    members[count] = shapes[n]
                     count += 1
     return count
 
 
 @njit(cache=True)
-def _grow(limit, starts, shapes, frame, box, strip, found):
+def _grow(limit, starts, shapes, frame, box, strip, members):
     """Grow a box of one cell, its sides in turn, while it holds at most ``limit`` shapes; their number.
 
     The number is -1 where the cell alone holds more. ``strip (4,)`` is room to work in.
     """
-    count = _collect(box, frame.columns, starts, shapes, found, 0, limit)
+    count = _collect(box, frame.columns, starts, shapes, members, 0, limit)
     free = 15 if count >= 0 else 0
     side = 0
     while free != 0:
@@ -195,7 +195,7 @@ def _grow(limit, starts, shapes, frame, box, strip, found):
             strip[side] += 2 * (side % 2) - 1
             grown = -1
             if min(strip[0], strip[2]) >= 1 and strip[1] < frame.columns and strip[3] < frame.rows:
-                grown = _collect(strip, frame.columns, starts, shapes, found, count, limit)
+                grown = _collect(strip, frame.columns, starts, shapes, members, count, limit)
             if grown < 0:
                 free -= 1 << side
             else:
@@ -209,12 +209,12 @@ def _grow_all(limits, starts, shapes, frame, listed):
     """For every cell the box grown with its limit, the number of shapes, and the first ``listed`` of them."""
     boxes = np.zeros((len(limits), 5), dtype=np.int32)
     lists = np.zeros((len(limits), listed), dtype=np.int32)
-    found, strip = np.zeros(limits.max(), dtype=np.int32), np.zeros(4, dtype=np.int32)
+    members, strip = np.zeros(limits.max(), dtype=np.int32), np.zeros(4, dtype=np.int32)
     for j in range(1, frame.rows - 1):
         for i in range(1, frame.columns - 1):
             c = j * frame.columns + i
             boxes[c, 0], boxes[c, 1], boxes[c, 2], boxes[c, 3] = i, i + 1, j, j + 1
-            boxes[c, 4] = _grow(limits[c], starts, shapes, frame, boxes[c], strip, found)
+            boxes[c, 4] = _grow(limits[c], starts, shapes, frame, boxes[c], strip, members)
             for n in range(min(listed, boxes[c, 4])):
-                lists[c, n] = found[n]
+                lists[c, n] = members[n]
     return boxes, lists

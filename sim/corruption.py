@@ -12,41 +12,50 @@ from slam.se2 import Array
 
 @dataclass(frozen=True)
 class Effects:
-    """What a scan suffers, each effect with a switch of its own.
-
-    ``tilt``: the scan plane leans with the robot; ``floor``: floor and ceiling are seen; ``heights``: solids
-    have a bottom and a top, so that beams pass under or over them or land on them.
-    Mixed pixels: ``sub_rays`` over the beam's ``divergence`` [rad]; where they differ by more than
-    ``mixed_gap`` m the range is a random mixture with probability ``mixed_probability``, else the nearest.
-    Smoke: a scattered beam reports where that happened with probability ``smoke_return``, else nothing; a
-    surface behind smoke is lost where its echo, exp(-2 · depth) · cos(incidence) · (range limit / range)², is
-    weaker than ``smoke_threshold``.
-    Dropouts: chance ``dropout_floor`` at normal incidence, rising as a logistic of width ``dropout_width``
-    at ``dropout_angle`` [rad]. Noise: standard deviation ``noise_constant + noise_slope · range`` m.
-    ``quantum`` m.
-    """
+    """What a scan suffers, each effect with a switch of its own."""
 
     tilt: bool = True
+    """The scan plane leans with the robot."""
     floor: bool = True
+    """Floor and ceiling are seen."""
     heights: bool = True
+    """Solids have a bottom and a top: beams pass under or over them or land on them."""
     mixed_pixels: bool = True
+    """A beam has a width, and may report a range between two surfaces."""
     sub_rays: int = 3
+    """Rays that a beam is made of."""
     divergence: float = np.deg2rad(0.35)
+    """Angle [rad] over which they are spread."""
     mixed_gap: float = 0.2
+    """Difference [m] of their ranges from which a pixel may be mixed."""
     mixed_probability: float = 0.3
+    """Probability that it then is a random mixture, else the nearest."""
     smoke: bool = True
+    """Smoke scatters beams and weakens echoes."""
     smoke_return: float = 0.5
+    """Probability that a scattered beam reports where that happened, else nothing."""
     smoke_threshold: float = 0.02
+    """Weakest echo, exp(-2 · depth) · cos(incidence) · (range limit / range)², of a surface behind smoke."""
     dropouts: bool = True
+    """Beams are lost at grazing incidence."""
     dropout_floor: float = 0.002
+    """Probability of that at normal incidence."""
     dropout_angle: float = np.deg2rad(80.0)
+    """Incidence [rad] at which half the beams are lost: the middle of a logistic."""
     dropout_width: float = np.deg2rad(3.0)
+    """Width [rad] of the logistic."""
     noise: bool = True
+    """Ranges have normal errors."""
     noise_constant: float = 0.01
+    """Standard deviation [m] at range 0."""
     noise_slope: float = 0.001
+    """What the standard deviation grows by [m/m]."""
     quantisation: bool = True
+    """Ranges are rounded."""
     quantum: float = 0.01
+    """To multiples of this [m]."""
     limits: bool = True
+    """Ranges outside of the laser's are not reported."""
 
     @property
     def sigma(self) -> float:
@@ -73,8 +82,7 @@ def corrupt(
     """Reported ranges ``(N, B)`` m from the sub-rays' true ranges and incidence cosines ``(N, B, J)``.
 
     ``limits`` are the smallest and largest range m the laser reports, ``haze`` the smoke in the way of the
-    beams, if any. Each effect draws from its own
-    stream, so that switching one leaves the others' draws alone.
+    beams, if any. Each effect draws from its own stream: switching one leaves the others' draws alone.
     """
     mixing, dropping, noising, smoking = rng.spawn(4)
     nearest = np.argmin(np.where(np.isnan(ranges), np.inf, ranges), axis=2)[..., None]

@@ -16,27 +16,36 @@ Ending = Literal["completed", "stuck", "flipped over", "out of time"]
 
 @dataclass(frozen=True)
 class DriverConfig:
-    """Habits of the driver. Lengths m, speeds m/s and rad/s, times s.
-
-    He stops to look around about every ``pause_every`` s, for ``pause_mean`` s on average. A robot that has
-    come no further than ``stuck_distance`` in ``stuck_time`` is stuck: he backs off and turns, at most
-    ``attempts`` times before giving up.
-    """
+    """Habits of the driver, who stops to look around now and then, and backs off and turns when stuck."""
 
     speed: float = 0.75
+    """On level ground [m/s]."""
     turn_rate: float = 0.6
+    """Largest [rad/s]."""
     lookahead: float = 0.45
+    """Distance [m] along the route to the point that is aimed at."""
     turn_in_place: float = np.deg2rad(50.0)
+    """Bearing [rad] of that point from which the robot turns on the spot."""
     caution: float = 10.0
+    """Speed is divided by 1 + caution · tilt or roughness [1/rad]."""
     pause_every: float = 11.0
+    """Mean time [s] between two stops."""
     pause_mean: float = 4.0
+    """Mean time [s] of a stop."""
     stuck_time: float = 3.0
+    """A robot is stuck that in this time [s] ..."""
     stuck_distance: float = 0.1
+    """... has come no further than this [m]."""
     back_time: float = 1.2
+    """Time [s] of backing off."""
     turn_time: float = 1.0
+    """Time [s] of turning after that."""
     attempts: int = 6
+    """Times of backing off before the driver gives up."""
     time_limit: float = 900.0
+    """Longest drive [s]."""
     flipped: float = np.deg2rad(60.0)
+    """Roll or pitch [rad] beyond which the robot has fallen over."""
 
 
 def resample(waypoints: ArrayLike, spacing: float = 0.05) -> Array:

@@ -128,13 +128,6 @@ def column(centre: ArrayLike, radius: float, sides: int = 12, height: float = WA
     return round_prism(centre, radius, sides, BELOW_FLOOR, height, "wall")
 
 
-def door_leaf(hinge: ArrayLike, closed_yaw: float, width: float = 0.9, opening: float = 0.0) -> Prism:
-    """A door's leaf from its ``hinge (2,)`` m: ``closed_yaw`` rad when shut, opened by ``opening`` rad."""
-    yaw = closed_yaw + opening
-    middle = np.asarray(hinge, dtype=np.float64) + 0.5 * width * np.array([np.cos(yaw), np.sin(yaw)])
-    return box([*middle, yaw], width, 0.04, kind="wall")
-
-
 def stone(centre: ArrayLike, radius: float, height: float, rng: np.random.Generator) -> Prism:
     """An irregular block around ``centre (2,)``: six corners on an ellipse within ``radius`` m."""
     angles = 2.0 * np.pi * (np.arange(6) + rng.uniform(-0.35, 0.35, 6)) / 6.0

@@ -17,20 +17,22 @@ Model = Literal["usarsim", "consistent"]
 class InertialConfig:
     """How wrong the INS is, per step between two of its readings.
 
-    ``model``: "usarsim" adds true position increments (INS.uc of USARSim: position ignores the yaw error;
-    §6.2.4 of Formsma's report), "consistent" turns them by the yaw error. ``yaw_noise``: standard deviation
-    of the relative error of each yaw increment; ``position_noise`` of each position increment.
-    ``precision`` P draws a constant error once per run, uniform of width 1/P² (yaw) and 1/P (position);
-    None: no such drift. ``bias_walk`` [rad/s per √s] drives a gyro bias. ``attitude_noise`` [rad] on roll
-    and pitch.
+    Raises ``ValueError`` for another model or a precision that is not positive.
     """
 
     model: Model = "usarsim"
+    """"usarsim" adds true position increments (INS.uc of USARSim: position ignores the yaw error; §6.2.4 of
+    Formsma's thesis), "consistent" turns them by the yaw error."""
     yaw_noise: float = 0.06
+    """Standard deviation of the relative error of each yaw increment."""
     position_noise: float = 0.06
+    """Standard deviation of the relative error of each position increment."""
     precision: float | None = None
+    """P draws a constant relative error once per run, uniform of width 1/P² (yaw) and 1/P (position)."""
     bias_walk: float = 0.0
+    """Random walk of a gyro bias [rad/s per √s]."""
     attitude_noise: float = np.deg2rad(0.6)
+    """Standard deviation of roll and pitch [rad]."""
 
     def __post_init__(self) -> None:
         if self.model not in get_args(Model):
@@ -41,15 +43,14 @@ class InertialConfig:
 
 @dataclass(frozen=True)
 class ShockConfig:
-    """What upsets the INS: a blow or a landing of ``impulse`` N s or more.
-
-    Yaw and roll then jump by about ``jump`` rad (four to six fifths of it), either way, at most once in
-    ``rest`` s.
-    """
+    """A blow or a landing upsets the INS: its yaw and roll jump, either way."""
 
     impulse: float = 14.0
+    """Least impulse [N s] that does."""
     jump: float = np.deg2rad(12.0)
+    """About how far they jump [rad]: four to six fifths of it."""
     rest: float = 5.0
+    """Least time [s] between two jumps."""
 
 
 def dead_reckon(

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim import cells, corruption, ground, traversal
+from sim import cells, corruption, traversal
 from sim.corruption import Effects
-from sim.sightings import Sightings
+from sim.moving_obstacle_raycast import MovingObstacles
 from sim.smoke import Haze, Smoke
 from sim.terrain import Terrain
+from sim.terrain_kernels import build_ground
 from sim.world import Obstacles, World, plates
 from slam.recording import Laser
 from slam.se2 import Array
@@ -43,7 +44,7 @@ class Raycaster:
     def _prepare(self, obstacles: Obstacles, terrain: Terrain | None = None, ceiling: float = np.inf) -> None:
         field = (terrain or Terrain.level([0.0, 0.0], [1.0, 1.0], 1.0)).field
         self._scene = traversal.Scene(
-            obstacles, cells.build(obstacles), ground.build(field), terrain is not None, float(ceiling)
+            obstacles, cells.build(obstacles), build_ground(field), terrain is not None, float(ceiling)
         )
 
     def cast(self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf) -> Array:
@@ -85,19 +86,22 @@ class Raycaster:
 
 @dataclass(frozen=True)
 class Scanner:
-    """A laser on a robot: ``beams`` over ``field_of_view`` rad, mounted at ``mount`` (x, y, yaw) and
-    ``height`` m.
-
-    The defaults are the Hokuyo of USARSim's Kenaf.
-    """
+    """A laser on a robot; the defaults are the Hokuyo of USARSim's Kenaf."""
 
     beams: int = 228
+    """In a scan."""
     field_of_view: float = 4.1889
+    """From the first beam to the last [rad]."""
     range_min: float = 0.1
+    """Least range that is reported [m]."""
     range_max: float = 4.0
+    """Ranges from this on are not reported [m]."""
     mount: tuple[float, float, float] = (-0.08, 0.0, 0.0)
+    """Pose in the robot's frame: x, y [m], yaw [rad]."""
     height: float = 0.30
+    """Above the ground [m]."""
     effects: Effects = field(default_factory=Effects)
+    """What its scans suffer."""
 
     @property
     def angles(self) -> Array:
@@ -135,7 +139,7 @@ class Scanner:
         caster: Raycaster,
         robot: ArrayLike,
         rng: np.random.Generator,
-        movers: Sightings | None = None,
+        movers: MovingObstacles | None = None,
         smoke: Smoke | None = None,
     ) -> Array:
         """Ranges ``(N, B)`` m as the laser reports them from robot poses (N, 6), NaN without return.

@@ -15,19 +15,22 @@ class OdometryConfig:
     """How the tracks slip, and what the estimator believes of them.
 
     A track loses the share ``slip + slip_per_tilt · |sin tilt| + burst`` of what it turns, at most 0.95;
-    bursts come to each track at ``burst_rate`` per s and end at ``burst_end_rate`` per s, a two-state
-    Markov chain.
-    ``skid_ratio`` is how much faster than the body the estimator takes the tracks' difference to turn: 1 is
-    plain differential drive, the robot's own value is perfect calibration. Raises ``ValueError`` for negative
-    values.
+    bursts are a two-state Markov chain of each track. Raises ``ValueError`` for negative values.
     """
 
     slip: float = 0.02
+    """Share that is always lost."""
     slip_per_tilt: float = 0.5
+    """Share that is lost on ground that stands upright."""
     burst: float = 0.1
+    """Share that is lost in a burst."""
     burst_rate: float = 0.02
+    """Bursts that begin [1/s]."""
     burst_end_rate: float = 1.0
+    """One over their mean duration [1/s]."""
     skid_ratio: float = 1.4
+    """How many times faster than the body the estimator takes the tracks' difference to turn: 1 is plain
+    differential drive, the robot's own value is perfect calibration."""
 
     def __post_init__(self) -> None:
         for f in fields(self):

@@ -12,9 +12,9 @@ from sim import inertial, odometry
 from sim.driver import Driver, DriverConfig, Ending
 from sim.inertial import InertialConfig, ShockConfig
 from sim.laser import Scanner
+from sim.moving_obstacle_raycast import MovingObstacles
 from sim.odometry import OdometryConfig
 from sim.robot import Robot, RobotConfig
-from sim.sightings import Sightings
 from sim.world import World
 from slam import se2
 from slam.recording import Recording, Source
@@ -32,25 +32,26 @@ READING_EVERY = 10
 
 @dataclass(frozen=True)
 class Setup:
-    """All that a run needs: a world, a start ``(x, y, yaw)``, waypoints ``(K, 2)`` m, and who is in it.
-
-    ``dead_reckoning`` says which of ``inertial`` and ``odometry`` the recording has; a robot that relies on
-    its encoders has no INS, hence no attitude. A scan is taken every ``scan_interval`` s, give or take
-    ``scan_jitter`` (standard deviation).
-    """
+    """All that a run needs: a world, a route, and who drives it. Raises ``ValueError`` for an unknown dead
+    reckoning."""
 
     world: World
     start: tuple[float, float, float]
+    """x, y [m], yaw [rad] in the world."""
     waypoints: Array
+    """``(K, 2)`` m."""
     robot: RobotConfig = field(default_factory=RobotConfig)
     scanner: Scanner = field(default_factory=Scanner)
     dead_reckoning: DeadReckoning = "ins"
+    """Which of INS and encoders the recording has; with encoders there is no attitude."""
     inertial: InertialConfig = field(default_factory=InertialConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     shock: ShockConfig = field(default_factory=ShockConfig)
     driver: DriverConfig = field(default_factory=DriverConfig)
     scan_interval: float = 0.30
+    """Mean time [s] between scans."""
     scan_jitter: float = 0.01
+    """Standard deviation [s] of that."""
 
     def __post_init__(self) -> None:
         if self.dead_reckoning not in get_args(DeadReckoning):
@@ -203,7 +204,9 @@ def observe(
     rows = driven.scan_rows
     seen = driven.states[rows]
     world, scanner = setup.world, setup.scanner
-    movers = Sightings.on_ground(world.movers, driven.movers, world.terrain) if driven.movers.size else None
+    movers = None
+    if driven.movers.size:
+        movers = MovingObstacles.on_ground(world.movers, driven.movers, world.terrain)
     ranges = scanner.scan(scanner.caster(world), seen, scanning, movers, world.smoke)
     reckoned, attitude = _reckon(setup, driven, reckoning)
     recording = Recording(

@@ -7,32 +7,37 @@ from dataclasses import dataclass
 import numpy as np
 import pymunk
 
-from sim.surroundings import GRAVITY, SURFACE_FRICTION, Surroundings
-from sim.terrain import HeightField, footprint_plane, height_at
+from sim.physics import GRAVITY, SURFACE_FRICTION, PhysicsWorld
+from sim.terrain_kernels import HeightField, footprint_plane, height_at
 from sim.world import World
 
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """Body and tracks; the defaults are those of USARSim's Kenaf.
-
-    Lengths in m, mass in kg. ``friction`` of the tracks along, ``lateral_friction`` across; ``grip`` [s] is
-    the time in which a track takes up its commanded speed; ``skid_ratio`` is how much slower the body turns
-    than its track speeds say. Solids lower than ``step_height`` or higher than ``height`` do not stop it.
-    ``tilt_rate`` [rad/s] and ``tilt_damping`` describe how roll and pitch follow the ground.
-    """
+    """Body and tracks; the defaults are those of USARSim's Kenaf."""
 
     length: float = 0.40
+    """Of the body [m]."""
     width: float = 0.22
+    """Of the body, and between the tracks [m]."""
     height: float = 0.45
+    """Solids that begin above this do not stop the robot [m]."""
     step_height: float = 0.08
+    """Solids that end below this do not stop the robot [m]."""
     mass: float = 24.0
+    """kg."""
     friction: float = 0.8
+    """Coulomb's coefficient of the tracks along the body."""
     lateral_friction: float = 0.6
+    """The same across."""
     grip: float = 0.02
+    """Time [s] in which a track takes up its commanded speed."""
     skid_ratio: float = 1.5
+    """How many times slower the body turns than its track speeds say."""
     tilt_rate: float = 12.0
+    """Natural frequency [rad/s] with which roll and pitch follow the ground."""
     tilt_damping: float = 0.4
+    """Damping ratio of that; 1 is critical."""
 
     def track_speeds(self, speed: float, turn_rate: float) -> tuple[float, float]:
         """Left and right track speeds m/s that give this speed m/s and turn rate rad/s on level ground."""
@@ -62,7 +67,7 @@ class Robot:
         self.config = config
         self._ground: HeightField = world.terrain.field
         self._roughness: HeightField = world.terrain.roughness_field
-        self._surroundings = Surroundings(world, config.step_height, config.height)
+        self._physics = PhysicsWorld(world, config.step_height, config.height)
         inertia = pymunk.moment_for_box(config.mass, (config.length, config.width))
         self._body = pymunk.Body(config.mass, inertia)
         self._body.position = pose[:2]
@@ -70,7 +75,7 @@ class Robot:
         shape = pymunk.Poly.create_box(self._body, (config.length, config.width))
         shape.friction = SURFACE_FRICTION
         shape.collision_type = 1
-        space = self._surroundings.space
+        space = self._physics.space
         space.add(self._body, shape)
         space.on_collision(1, None, post_solve=self._feel)
         self.impulse = 0.0
@@ -93,7 +98,7 @@ class Robot:
     @property
     def movers(self) -> list[tuple[float, float, float]]:
         """Poses x, y, yaw of the debris, then of the people."""
-        return self._surroundings.movers
+        return self._physics.movers
 
     @property
     def roughness(self) -> float:
@@ -109,7 +114,7 @@ class Robot:
         height, forward, sideways = self._plane()
         self._push(left, right, forward, sideways)
         self.impulse = 0.0
-        self._surroundings.step(self._body.position, dt)
+        self._physics.step(self._body.position, dt)
         self._fall(height, dt)
         shake_roll, shake_pitch = rng.standard_normal(2) * self.roughness * self._moving()
         self._roll.step(float(np.arctan(sideways)), shake_roll, dt)

@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from sim.beams import beam_directions
-from sim.terrain import HeightField, clip_to
+from sim.terrain_kernels import HeightField, beam_directions, clip_to
 from slam.se2 import Array
 
 
@@ -47,13 +46,13 @@ class Smoke:
 
     def with_disc(self, centre: ArrayLike, radius: float, extinction: float, edge: float = 0.0) -> Smoke:
         """More smoke, in a disc: it thins out linearly over the outer ``edge`` m."""
-        x, y = self._nodes()
+        x, y = self.field.nodes()
         cx, cy = np.asarray(centre, dtype=np.float64)
         return self._thicker(radius - np.hypot(x - cx, y - cy), extinction, edge)
 
     def with_polygon(self, corners: ArrayLike, extinction: float, edge: float = 0.0) -> Smoke:
         """More smoke, in a simple polygon ``corners (K, 2)`` m: it thins out over the outer ``edge`` m."""
-        x, y = self._nodes()
+        x, y = self.field.nodes()
         corners = np.asarray(corners, dtype=np.float64)
         inside = np.zeros(x.shape, dtype=bool)
         depth = np.full(x.shape, np.inf)
@@ -69,13 +68,6 @@ class Smoke:
         """Add smoke where ``depth`` m, the distance inwards from the boundary, is positive."""
         share = np.where(depth >= 0.0, np.clip(depth / edge, 0.0, 1.0) if edge > 0.0 else 1.0, 0.0)
         return replace(self, extinction=self.extinction + extinction * share)
-
-    def _nodes(self) -> tuple[Array, Array]:
-        rows, columns = self.extinction.shape
-        x = self.origin[0] + self.resolution * np.arange(columns)
-        y = self.origin[1] + self.resolution * np.arange(rows)
-        columns_x, rows_y = np.meshgrid(x, y)
-        return columns_x, rows_y
 
 
 class Haze(NamedTuple):

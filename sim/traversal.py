@@ -18,8 +18,7 @@ import numpy as np
 from numba import njit
 
 from sim.cells import Cells
-from sim.ground import Ground, ground_range
-from sim.terrain import clip_to, ground_normal
+from sim.terrain_kernels import Ground, clip_to, ground_normal, ground_range
 from sim.world import Obstacles
 from slam.se2 import Array
 

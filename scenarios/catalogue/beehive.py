@@ -1,4 +1,4 @@
-"""A beehive: nineteen hexagonal rooms, after figure 3.3 of Formsma's report.
+"""A beehive: nineteen hexagonal rooms, after figure 3.3 of Formsma's thesis.
 
 Its walls run in three directions, so its Hough spectrum has three peaks, 60 degrees apart: every rotation by
 60 degrees looks right to the spectrum, and a room looks like itself turned. Only what stands in the rooms and

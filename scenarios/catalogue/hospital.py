@@ -1,8 +1,8 @@
-"""A hospital in the spirit of IranOpen 2012 Preliminary 2, the world of Experiment 1 in Formsma's report.
+"""A hospital in the spirit of IranOpen 2012 Preliminary 2, the world of Experiment 1 in Formsma's thesis.
 
 Two long corridors joined at both ends, rooms on either side, beds and desks that a level laser hardly sees.
 Door sills and rubble tilt the robot: its laser then draws the floor as if it were a wall. In the first room
-it falls from a ledge, which upsets the yaw of its INS as the fall in the report's log does; in the hall at
+it falls from a ledge, which upsets the yaw of its INS as the fall in the thesis's log does; in the hall at
 the east end the walls are out of range. A matcher that starts at the absolute INS pose then loses its place
 again and again: in the hall for want of anything to match, in the corridors because its map, drawn askew,
 drifts away from the INS. The route returns to both corridors and the hall, so that what was torn can be
@@ -48,7 +48,7 @@ SCANNER = Scanner(
     effects=Effects(noise_constant=0.002, noise_slope=0.0, mixed_probability=0.1, dropout_floor=0.0)
 )
 """USARSim's laser is nearly free of noise. This and what follows brings the drive near the one of the
-report's log, see ``python -m scenarios.bench.realism``."""
+thesis's log, see ``python -m scenarios.bench.realism``."""
 INS = InertialConfig(yaw_noise=0.072, attitude_noise=np.deg2rad(0.15))
 SHOCK = ShockConfig(jump=np.deg2rad(13.5))
 DRIVER = DriverConfig(speed=0.80, pause_every=10.0, pause_mean=5.2)

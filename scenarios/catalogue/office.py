@@ -1,4 +1,4 @@
-"""The offices of Experiments 2 and 3 in Formsma's report (IranOpen 2012 Semifinal), for two scenarios.
+"""The offices of Experiments 2 and 3 in Formsma's thesis (IranOpen 2012 Semifinal), for two scenarios.
 
 A ring of corridors, 50 m across, with offices on both sides; rows of tables and chairs, which a level laser
 sees as dots; two hallways are blocked, and the way round leads through the open-plan offices beside them.

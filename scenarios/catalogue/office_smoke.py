@@ -1,8 +1,8 @@
-"""Experiment 2 of Formsma's report: once round a large office building, with smoke everywhere.
+"""Experiment 2 of Formsma's thesis: once round a large office building, with smoke everywhere.
 
 Clouds of smoke scatter the beams: half of those scattered come back from where nothing is, and for some
 metres the matcher finds nothing at all, in runs of several steps. Few places are seen twice, so that the
-pieces hardly overlap: the loop of 50 m across closes only where it began. The report's stitching made this
+pieces hardly overlap: the loop of 50 m across closes only where it began. The thesis's stitching made this
 map worse than it was.
 """
 

@@ -1,8 +1,8 @@
-"""Under the open sky: trees, rocks and irregular hedges on hilly ground (§6.2.3 of Formsma's report).
+"""Under the open sky: trees, rocks and irregular hedges on hilly ground (§6.2.3 of Formsma's thesis).
 
 There are no straight walls, so the Hough transform finds no lines and its spectrum no peaks: rotation must
 come from elsewhere. Slopes tilt the laser, which passes over the low rocks or draws the hillside; people walk
-about. The report expects its method to fail here.
+about. The thesis expects its method to fail here.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ import numpy as np
 
 from sim.driver import DriverConfig, resample
 from sim.floorplan import WALL_HEIGHT
+from sim.occupancy_walls import walls
 from sim.record import Setup
 from sim.robot import RobotConfig
-from sim.rosmap import walls
 from sim.route import NoRouteError, plan
 from sim.terrain import Terrain
 from sim.world import World

@@ -1,9 +1,9 @@
-"""Experiment 3 of Formsma's report: the same offices driven round twice, in one recording.
+"""Experiment 3 of Formsma's thesis: the same offices driven round twice, in one recording.
 
 Between the drives the robot crosses a store filled with smoke, where its laser sees nothing for half a minute
 and it falls from a ledge, which upsets the yaw of its INS. What was mapped before and after are two maps that
 overlap from end to end, turned against each other: all that joins them is stitching. The smoke elsewhere is
-thin. For the report this was the one case in which stitching did well.
+thin. For the thesis this was the one case in which stitching did well.
 """
 
 from __future__ import annotations

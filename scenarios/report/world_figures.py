@@ -214,7 +214,7 @@ def _most_pitched(run: SimulatedRun) -> int:
 
 def _seen(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array]:
     """Pose ``(6,)`` of the laser at a scan, beam angles near the heading, and the true ranges along them."""
-    from sim.terrain import height_at
+    from sim.terrain_kernels import height_at
 
     truth = run.recording.truth
     assert truth is not None
@@ -246,7 +246,7 @@ def _in_heading_plane(pose: Array, angles: Array, ranges: Array) -> tuple[Array,
 
 def _draw_profile(ax: Axes, run: SimulatedRun, pose: Array, reach: float) -> None:
     """The ground along the heading, and what stands on the heading."""
-    from sim.terrain import heights_at
+    from sim.terrain_kernels import heights_at
 
     world = run.setup.world
     along = np.arange(-GROUND_BEHIND, reach + 0.3, 0.02)

@@ -13,7 +13,6 @@ from sim.floorplan import (
     column,
     cupboard,
     desk,
-    door_leaf,
     outlines,
     stone,
     table,
@@ -74,13 +73,6 @@ def test_a_column_is_round():
     footprint = column([2.0, 3.0], 0.3, sides=20).footprint
     np.testing.assert_allclose(np.hypot(*(footprint - [2.0, 3.0]).T), 0.3)
     assert area(column([0.0, 0.0], 0.3, sides=200)) == pytest.approx(np.pi * 0.09, rel=1e-3)
-
-
-def test_a_door_turns_about_its_hinge():
-    closed = door_leaf([1.0, 2.0], 0.0, 0.9).footprint
-    np.testing.assert_allclose([closed.min(axis=0), closed.max(axis=0)], [[1.0, 1.98], [1.9, 2.02]])
-    ajar = door_leaf([1.0, 2.0], 0.0, 0.9, opening=np.pi / 2).footprint
-    np.testing.assert_allclose([ajar.min(axis=0), ajar.max(axis=0)], [[0.98, 2.0], [1.02, 2.9]])
 
 
 def test_stones_are_irregular_and_within_their_radius():

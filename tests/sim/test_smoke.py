@@ -11,7 +11,8 @@ from sim.corruption import Effects
 from sim.floorplan import wall
 from sim.laser import Scanner
 from sim.smoke import Haze, Smoke
-from sim.terrain import Terrain, heights_at
+from sim.terrain import Terrain
+from sim.terrain_kernels import heights_at
 from sim.world import World
 
 GROUND = Terrain.level([-1.0, -1.0], [1.0, 1.0], 1.0)

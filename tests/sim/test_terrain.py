@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.terrain import Terrain, footprint_plane, ground_normal, height_at
+from sim.terrain import Terrain
+from sim.terrain_kernels import footprint_plane, ground_normal, height_at
 
 LEVEL = Terrain.level([0.0, 0.0], [6.0, 4.0], 0.05)
 

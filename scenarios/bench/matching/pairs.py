@@ -110,13 +110,12 @@ def intel(data: Path, count: int) -> PairSet | str:
 
 
 def experiment_1(data: Path, count: int, moving: bool = False) -> PairSet | str:
-    """Consecutive upright scans of the report's Experiment 1, spread over the log, against its truth, all or
+    """Consecutive upright scans of the thesis's Experiment 1, spread over the log, against its truth, all or
     those with the robot ``moving``; or why not.
 
     The truth is rounded to 0.01 m and 0.01 rad, which its covariance says (uniform errors of both poses).
     Upright is what the INS says, so that nothing after the fall counts: its roll and pitch stay 11° off.
-    Raises `FormatError` for a
-    log without truth or attitude.
+    Raises `FormatError` for a log without truth or attitude.
     """
     if absent := _absent(data, EXPERIMENT_1):
         return absent

@@ -9,7 +9,7 @@ from sim.corruption import Effects
 from sim.floorplan import Prism, box, stone
 from sim.laser import Raycaster, Scanner
 from sim.movers import Debris, Person
-from sim.sightings import Sightings
+from sim.moving_obstacle_raycast import MovingObstacles
 from sim.terrain import Terrain
 from sim.world import World
 from slam import se2
@@ -38,8 +38,8 @@ def test_movers_look_like_still_solids_in_the_same_place(tilt):
     movers = np.dstack([rng.uniform(-4, 4, (scans, count, 2)), rng.uniform(-4, 4, (scans, count))])
     poses = np.column_stack([rng.uniform(-1, 1, (scans, 2)), rng.uniform(-4, 4, scans)])
     poses = np.hstack([poses, rng.uniform(-tilt, tilt, (scans, 2)), np.full((scans, 1), 0.3)])
-    sightings = Sightings.on_ground(world.movers, movers, LEVEL)
-    ranges, cosines = sightings.cast(poses, ANGLES, REACH, *nothing(poses))
+    movers_in_view = MovingObstacles.on_ground(world.movers, movers, LEVEL)
+    ranges, cosines = movers_in_view.cast(poses, ANGLES, REACH, *nothing(poses))
     for n in range(scans):
         still = [placed(d.shape, pose) for d, pose in zip(world.debris, movers[n], strict=True)]
         caster = Raycaster(World(tuple(still), LEVEL), floor=False)
@@ -51,17 +51,17 @@ def test_movers_look_like_still_solids_in_the_same_place(tilt):
 
 
 def test_the_nearer_of_wall_and_mover_counts():
-    sightings = Sightings.on_ground(
+    movers_in_view = MovingObstacles.on_ground(
         World((), LEVEL, debris=(Debris(box([0, 0, 0], 1, 1), 1.0),)).movers, [[[3.0, 0.0, 0.0]]], LEVEL
     )
     pose, still = np.array([[0, 0, 0, 0, 0, 0.3]]), np.array([[2.0, 4.0, np.nan]])
-    ranges, cosines = sightings.cast(pose, np.zeros(3), REACH, still, np.full((1, 3), 0.5))
+    ranges, cosines = movers_in_view.cast(pose, np.zeros(3), REACH, still, np.full((1, 3), 0.5))
     np.testing.assert_allclose(ranges, [[2.0, 2.5, 2.5]])
     np.testing.assert_allclose(cosines, [[0.5, 1.0, 1.0]])
     np.testing.assert_array_equal(still, [[2.0, 4.0, np.nan]])
-    within, _ = sightings.cast(pose, np.zeros(3), 2.6, still, np.ones((1, 3)))
+    within, _ = movers_in_view.cast(pose, np.zeros(3), 2.6, still, np.ones((1, 3)))
     np.testing.assert_allclose(within, [[2.0, 2.5, 2.5]])
-    beyond, _ = sightings.cast(pose, np.zeros(3), 2.4, still, np.ones((1, 3)))
+    beyond, _ = movers_in_view.cast(pose, np.zeros(3), 2.4, still, np.ones((1, 3)))
     np.testing.assert_array_equal(beyond, still)
 
 
@@ -70,10 +70,10 @@ def test_movers_stand_on_the_ground_under_them():
     ground = LEVEL.with_platform([2.0, -1.0], [4.0, 1.0], 0.15)
     crate = World((), ground, debris=(Debris(box([0, 0, 0], 0.4, 0.4, z_hi=0.2), 1.0),)).movers
     pose, angle = np.array([[0, 0, 0, 0, 0, 0.3]] * 2), np.zeros(1)
-    sightings = Sightings.on_ground(crate, [[[1.0, 0.0, 0.0]], [[3.0, 0.0, 0.0]]], ground)
+    movers_in_view = MovingObstacles.on_ground(crate, [[[1.0, 0.0, 0.0]], [[3.0, 0.0, 0.0]]], ground)
     none = np.full((2, 1), np.nan)
-    np.testing.assert_allclose(sightings.cast(pose, angle, REACH, none, none)[0], [[np.nan], [2.8]])
-    endless = sightings.without_heights()
+    np.testing.assert_allclose(movers_in_view.cast(pose, angle, REACH, none, none)[0], [[np.nan], [2.8]])
+    endless = movers_in_view.without_heights()
     np.testing.assert_allclose(endless.cast(pose, angle, REACH, none, none)[0], [[0.8], [2.8]])
 
 
@@ -82,7 +82,7 @@ def test_a_scan_shows_movers_and_honours_the_switch_of_heights():
     person = Person(np.array([[0.0, 0.0], [1.0, 0.0]]), radius=0.2)
     low = Debris(box([0, 0, 0], 0.4, 0.4, z_hi=0.2), 1.0)
     world = World((), LEVEL, debris=(low,), people=(person,))
-    movers = Sightings.on_ground(world.movers, [[[1.0, 0.0, 0.0], [3.0, 0.0, 0.0]]], LEVEL)
+    movers = MovingObstacles.on_ground(world.movers, [[[1.0, 0.0, 0.0], [3.0, 0.0, 0.0]]], LEVEL)
     for effects, expected in ((quiet, 2.8), (Effects(**{**vars(quiet), "heights": False}), 0.8)):
         scanner = Scanner(1, 0.0, mount=(0.0, 0.0, 0.0), effects=effects)
         scan = scanner.scan(scanner.caster(world), np.zeros((1, 6)), np.random.default_rng(0), movers=movers)

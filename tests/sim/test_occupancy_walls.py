@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sim.floorplan import outlines
 from sim.laser import Raycaster
-from sim.rosmap import wall_lines, walls
+from sim.occupancy_walls import wall_lines, walls
 from sim.terrain import Terrain
 from sim.world import World
 from slam.mapping.occupancy import Grid

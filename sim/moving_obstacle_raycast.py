@@ -1,4 +1,4 @@
-"""What a laser sees of things that move: a pass over them after the still world has been cast."""
+"""The laser and obstacles that move: a second ray cast over them, after that of the still world."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from sim.beams import beam_directions
-from sim.terrain import Terrain, heights_at
+from sim.terrain import Terrain
+from sim.terrain_kernels import beam_directions, heights_at
 from sim.world import Obstacles
 from slam.se2 import Array
 
 
 @dataclass(frozen=True)
-class Sightings:
+class MovingObstacles:
     """Solids in their body frames and, at N scans, their ``poses (N, K, 4)``: x, y, yaw and ground height."""
 
     solids: Obstacles
     poses: Array
 
     @classmethod
-    def on_ground(cls, solids: Obstacles, poses: ArrayLike, terrain: Terrain) -> Sightings:
+    def on_ground(cls, solids: Obstacles, poses: ArrayLike, terrain: Terrain) -> MovingObstacles:
         """Solids at poses ``(N, K, 3)``, each as high as the ground under it."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         z = heights_at(np.ascontiguousarray(poses[..., :2]).reshape(-1, 2), terrain.field)
         return cls(solids, np.dstack([poses, z.reshape(poses.shape[:2])]))
 
-    def without_heights(self) -> Sightings:
+    def without_heights(self) -> MovingObstacles:
         """The same, endlessly high."""
         return replace(self, solids=self.solids.without_heights())
 

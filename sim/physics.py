@@ -15,7 +15,7 @@ STRIDE = 5
 """Steps of physics between two decisions of a walker, who keeps on straight in between."""
 
 
-class Surroundings:
+class PhysicsWorld:
     """A pymunk space without gravity with every solid that reaches between ``z_lo`` and ``z_hi`` m."""
 
     def __init__(self, world: World, z_lo: float, z_hi: float) -> None:
@@ -23,10 +23,10 @@ class Surroundings:
         self.space.collision_slop = 0.005
         self._z_lo, self._z_hi = z_lo, z_hi
         for prism in world.prisms:
-            self._place(prism, self.space.static_body)
-        self._debris = [self._lay(debris) for debris in world.debris]
+            self._add_shape(prism, self.space.static_body)
+        self._debris = [self._add_debris(debris) for debris in world.debris]
         self._walkers = [Walker(person) for person in world.people]
-        self._people = [self._put(walker) for walker in self._walkers]
+        self._people = [self._add_person(walker) for walker in self._walkers]
         self._steps = 0
 
     @property
@@ -48,19 +48,19 @@ class Surroundings:
             body.velocity = (x - at.x) / dt, (y - at.y) / dt
             body.angle = walker.heading
 
-    def _place(self, prism: Prism, body: pymunk.Body) -> None:
+    def _add_shape(self, prism: Prism, body: pymunk.Body) -> None:
         if prism.z_hi > self._z_lo and prism.z_lo < self._z_hi:
             shape = pymunk.Poly(body, [tuple(corner) for corner in prism.footprint])
             shape.friction = SURFACE_FRICTION
             self.space.add(shape)
 
-    def _lay(self, debris: Debris) -> pymunk.Body:
+    def _add_debris(self, debris: Debris) -> pymunk.Body:
         """A loose body that the ground holds back with its friction, in sliding and in turning."""
         corners = [tuple(corner) for corner in debris.shape.footprint]
         body = pymunk.Body(debris.mass, pymunk.moment_for_poly(debris.mass, corners))
         body.position = tuple(debris.centre)
         self.space.add(body)
-        self._place(debris.shape, body)
+        self._add_shape(debris.shape, body)
         ground = self.space.static_body
         sliding = pymunk.PivotJoint(ground, body, body.position, (0.0, 0.0))
         turning = pymunk.GearJoint(ground, body, 0.0, 1.0)
@@ -71,9 +71,9 @@ class Surroundings:
             self.space.add(joint)
         return body
 
-    def _put(self, walker: Walker) -> pymunk.Body:
+    def _add_person(self, walker: Walker) -> pymunk.Body:
         body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         body.position = walker.place
         self.space.add(body)
-        self._place(walker.person.shape, body)
+        self._add_shape(walker.person.shape, body)
         return body

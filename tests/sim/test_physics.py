@@ -7,8 +7,8 @@ import pytest
 
 from sim.floorplan import box, wall
 from sim.movers import Debris, Person
+from sim.physics import GRAVITY, PhysicsWorld
 from sim.robot import Robot, RobotConfig
-from sim.surroundings import GRAVITY, Surroundings
 from sim.terrain import Terrain
 from sim.world import World
 
@@ -56,7 +56,7 @@ def test_debris_heavier_than_the_tracks_can_push_stalls_the_robot(mass, stalls):
 
 def test_debris_slides_to_a_stop_under_friction():
     """From 1 m/s with μ = 0.5: v² / 2 μ g = 0.102 m, after v / μ g = 0.20 s."""
-    around = Surroundings(World((), LEVEL, debris=(crate(0.0),)), 0.08, 0.45)
+    around = PhysicsWorld(World((), LEVEL, debris=(crate(0.0),)), 0.08, 0.45)
     body = next(body for body in around.space.bodies if body.mass == 4.0)
     body.velocity = (1.0, 0.0)
     for _ in range(50):
@@ -79,7 +79,7 @@ def test_debris_stops_at_a_wall():
 
 def test_people_come_after_debris_and_walk_at_their_speed():
     person = Person(np.array([[3.0, -2.0], [3.0, 2.0]]), speed=1.2)
-    around = Surroundings(World((), LEVEL, debris=(crate(9.0),), people=(person,)), 0.08, 0.45)
+    around = PhysicsWorld(World((), LEVEL, debris=(crate(9.0),), people=(person,)), 0.08, 0.45)
     for _ in range(150):
         around.step(AWAY, DT)
     assert around.movers[0] == pytest.approx((9.0, 0.0, 0.0), abs=1e-9)
@@ -91,7 +91,7 @@ def test_people_come_after_debris_and_walk_at_their_speed():
 
 def test_a_person_kicks_debris_along():
     person = Person(np.array([[-2.0, 0.0], [4.0, 0.0]]), speed=1.0)
-    around = Surroundings(World((), LEVEL, debris=(crate(0.0),), people=(person,)), 0.08, 0.45)
+    around = PhysicsWorld(World((), LEVEL, debris=(crate(0.0),), people=(person,)), 0.08, 0.45)
     for _ in range(400):
         around.step(AWAY, DT)
     assert around.movers[0][0] > 2.2
