@@ -67,11 +67,11 @@ def write(recording: Recording, form: Format, path: Path) -> list[Path]:
 
     Raises ``ValueError`` for what the format cannot hold.
     """
-    from slam.formats import carmen, rosbag_writer, usarsim
+    from slam.formats import carmen, rosbag, usarsim
     from slam.formats import relations as relations_file
 
     if form == "rosbag":
-        rosbag_writer.write(path, recording)
+        rosbag.write(path, recording)
         return [path]
     (usarsim if form == "usarsim" else carmen).write(path, recording)
     known = relations(recording) if form == "carmen" else None

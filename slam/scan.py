@@ -11,18 +11,32 @@ from slam import se2
 from slam.recording import Laser, Recording
 from slam.se2 import Array
 
-NEIGHBOURHOOD = 0.3
-"""Radius [m] of the points a tangent is read from."""
-
-LEAST_SIGMA = 0.01
-"""Range noise [m] that points are given at least: below a centimetre uneven walls, a tilt nobody sees and
-quantisation count for more than what the laser's data sheet says."""
-
 BLOCK = 256
 """Scans that are made of their ranges at once: the arithmetic is a fraction of the calls."""
 
-SIGMA_ANGLE = 5e-4
-"""Standard deviation [rad] of a beam's direction."""
+
+@dataclass(frozen=True)
+class ScanConfig:
+    """How surfaces and uncertainties are read off the ranges of a scan."""
+
+    neighbourhood: float = 0.3
+    """Radius [m] of the points a tangent is fitted to."""
+    most_neighbours: int = 12
+    """Most beams looked at to either side for that."""
+    same_line: float = 0.15
+    """Radius [m] of the points whose common line a point is moved onto …"""
+    same_direction: float = 0.985
+    """… where the cosine between their tangent and the point's own is larger."""
+    least_sigma: float = 0.01
+    """Least range noise [m] that points are given: below it uneven walls, a tilt nobody sees and quantisation
+    count for more than what the laser's data sheet says."""
+    sigma_angle: float = 5e-4
+    """Standard deviation [rad] of a beam's direction."""
+    no_tangent_incidence: float = np.pi / 8.0
+    """Grazing angle [rad] whose correspondence variance a point without a tangent gets, in all directions."""
+
+
+DEFAULT = ScanConfig()
 
 
 @dataclass(frozen=True)
@@ -46,7 +60,7 @@ class Scan:
         return len(self.points)
 
     @classmethod
-    def from_ranges(cls, ranges: Array, angles: Array, laser: Laser) -> Scan:
+    def from_ranges(cls, ranges: Array, angles: Array, laser: Laser, config: ScanConfig = DEFAULT) -> Scan:
         """Scan in the robot's frame from ``ranges (B,)`` m (NaN = no return) and ``angles (B,)`` rad.
 
         Raises ``ValueError`` when the shapes differ.
@@ -54,7 +68,7 @@ class Scan:
         ranges, angles = np.asarray(ranges, dtype=np.float64), np.asarray(angles, dtype=np.float64)
         if ranges.shape != angles.shape or ranges.ndim != 1:
             raise ValueError(f"ranges and angles: expected equal (B,), got {ranges.shape} and {angles.shape}")
-        return _from_rows(ranges[None], angles, laser)[0]
+        return _from_rows(ranges[None], angles, laser, config)[0]
 
     def to_ranges(self, angles: Array, laser: Laser) -> Array:
         """Ranges ``(B,)`` m along ``angles (B,)`` rad of a scan in the robot's frame, as its points have
@@ -88,24 +102,32 @@ class Scan:
         return Scan(*(getattr(self, name)[rows] for name in type(self).__annotations__))
 
 
-def stream(recording: Recording) -> Iterator[Scan]:
+def stream(recording: Recording, config: ScanConfig = DEFAULT) -> Iterator[Scan]:
     """Every scan of a recording in the robot's frame, one after the other, a block of them in memory."""
     for start in range(0, len(recording), BLOCK):
-        yield from _from_rows(recording.ranges[start : start + BLOCK], recording.angles, recording.laser)
+        ranges = recording.ranges[start : start + BLOCK]
+        yield from _from_rows(ranges, recording.angles, recording.laser, config)
 
 
-def scans_of(recording: Recording) -> list[Scan]:
+def scans_of(recording: Recording, config: ScanConfig = DEFAULT) -> list[Scan]:
     """Every scan of a recording in the robot's frame."""
-    return list(stream(recording))
+    return list(stream(recording, config))
 
 
-def _from_rows(ranges: Array, angles: Array, laser: Laser) -> list[Scan]:
+def _from_rows(ranges: Array, angles: Array, laser: Laser, config: ScanConfig) -> list[Scan]:
     """Scans in the robot's frame from ``ranges (N, B)``, all at once."""
     from slam.surface import read_surfaces
 
     spacing_angle = float(np.median(np.diff(angles))) if len(angles) > 1 else np.pi / 180.0
     direction, tangent_sigma, offset, covariance = read_surfaces(
-        ranges, angles, spacing_angle, NEIGHBOURHOOD, max(laser.sigma_range, LEAST_SIGMA), SIGMA_ANGLE
+        ranges,
+        angles,
+        spacing_angle,
+        max(laser.sigma_range, config.least_sigma),
+        float(config.sigma_angle),
+        (float(config.neighbourhood), int(config.most_neighbours)),
+        (float(config.same_line), float(config.same_direction)),
+        float(config.no_tangent_incidence),
     )
     points = ranges[..., None] * np.stack([np.cos(angles), np.sin(angles)], -1)
     tangents = np.stack([np.cos(direction), np.sin(direction)], -1)

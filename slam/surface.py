@@ -2,22 +2,13 @@
 
 Pfister et al., "Weighted range sensor matching algorithms for mobile robot displacement estimation"
 (2002), names the error sources; tangents come from principal axes rather than from two neighbours, whose
-noise at short range invents information.
+noise at short range invents information. The settings are those of `slam.scan.ScanConfig`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
-
-REACH = 12
-"""Most neighbours looked at on either side of a beam."""
-
-SAME_LINE, SAME_DIRECTION = 0.15, 0.985
-"""Neighbours this near [m], with a tangent whose cosine with the point's own is larger, share its line."""
-
-NO_TANGENT_INCIDENCE = np.pi / 8.0
-"""Grazing angle [rad] at which a point without a tangent gets its (isotropic) correspondence variance."""
 
 
 @njit(cache=True)
@@ -26,12 +17,13 @@ def _distance(points, i, j):
 
 
 @njit(cache=True)
-def _window(points, centre, radius, side):
-    """Last index of the unbroken run of neighbours within ``radius`` of ``centre`` on one side (+1 or -1)."""
+def _window(points, centre, radius, side, most):
+    """Last index of the unbroken run of at most ``most`` neighbours within ``radius`` of ``centre`` on a side
+    (+1 or -1)."""
     last = centre
     while True:
         following = last + side
-        if following < 0 or following >= len(points) or abs(following - centre) > REACH:
+        if following < 0 or following >= len(points) or abs(following - centre) > most:
             return last
         if not np.isfinite(points[following, 0]):
             return last
@@ -61,12 +53,13 @@ def _principal_axis(points, first, last):
 
 
 @njit(cache=True)
-def tangents_of_beams(points, spacing, radius, sigma):
+def tangents_of_beams(points, spacing, radius, sigma, most):
     """Tangent direction and its standard deviation for each beam's point, both ``(B,)`` rad, NaN if
     untrusted.
 
     ``points (B, 2)`` m in beam order with NaN rows, ``spacing (B,)`` m to the next beam on a surface seen
-    at right angles, ``radius`` m of the neighbourhood, ``sigma`` m range noise. A neighbourhood that is
+    at right angles, ``radius`` m of the neighbourhood of at most ``most`` beams to either side, ``sigma`` m
+    range noise. A neighbourhood that is
     not a line (rms across above three sigma) is tried once more at half the radius, then given up.
     """
     direction = np.full(len(points), np.nan)
@@ -76,7 +69,7 @@ def tangents_of_beams(points, spacing, radius, sigma):
             continue
         reach = max(radius, 2.5 * spacing[i])
         for _ in range(2):
-            first, last = _window(points, i, reach, -1), _window(points, i, reach, 1)
+            first, last = _window(points, i, reach, -1, most), _window(points, i, reach, 1, most)
             if last - first < 2:
                 break
             angle, along, rms = _principal_axis(points, first, last)
@@ -89,13 +82,13 @@ def tangents_of_beams(points, spacing, radius, sigma):
 
 
 @njit(cache=True)
-def offsets_from_lines(points, direction, sigma):
+def offsets_from_lines(points, direction, sigma, same_line, same_direction, most):
     """How far ``(B,)`` m each point lies off the line of its neighbours, along the line's left normal; 0
     without a tangent.
 
     ``points (B, 2)`` m in beam order with NaN rows, ``direction (B,)`` rad of the tangents. Neighbours are
-    those within `SAME_LINE` that have about the same tangent and lie within three
-    ``sigma`` m of the line.
+    those within ``same_line`` m whose tangent's cosine with the point's own is above
+    ``same_direction`` and that lie within three ``sigma`` m of the line.
     """
     offsets = np.zeros(len(points))
     for i in range(len(points)):
@@ -103,9 +96,10 @@ def offsets_from_lines(points, direction, sigma):
             continue
         nx, ny = -np.sin(direction[i]), np.cos(direction[i])
         total, count = 0.0, 0
-        for j in range(_window(points, i, SAME_LINE, -1), _window(points, i, SAME_LINE, 1) + 1):
+        first, last = _window(points, i, same_line, -1, most), _window(points, i, same_line, 1, most)
+        for j in range(first, last + 1):
             off = nx * (points[j, 0] - points[i, 0]) + ny * (points[j, 1] - points[i, 1])
-            if abs(np.cos(direction[j] - direction[i])) > SAME_DIRECTION and abs(off) < 3.0 * sigma:
+            if abs(np.cos(direction[j] - direction[i])) > same_direction and abs(off) < 3.0 * sigma:
                 total += off
                 count += 1
         offsets[i] = -total / count
@@ -126,9 +120,9 @@ def correspondence_variance(distance, incidence, spacing_angle):
 
 
 @njit(cache=True)
-def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sigma_angle):
+def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sigma_angle, incidence):
     """Covariances ``(B, 2, 2)`` m² in the laser frame: measurement plus correspondence error (Pfister
-    2002)."""
+    2002); of a point without tangent that of the grazing angle ``incidence`` rad, in all directions."""
     covariance = np.full((len(ranges), 2, 2), np.nan)
     for i in range(len(ranges)):
         if not np.isfinite(ranges[i]):
@@ -146,7 +140,7 @@ def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sig
             xy += variance * tc * ts
             yy += variance * ts * ts
         else:
-            variance = correspondence_variance(ranges[i], NO_TANGENT_INCIDENCE, spacing_angle)
+            variance = correspondence_variance(ranges[i], incidence, spacing_angle)
             xx += variance
             yy += variance
         covariance[i, 0, 0] = xx
@@ -156,9 +150,13 @@ def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sig
 
 
 @njit(cache=True)
-def read_surfaces(ranges, angles, spacing_angle, radius, sigma_range, sigma_angle):
+def read_surfaces(ranges, angles, spacing_angle, sigma_range, sigma_angle, neighbourhood, same, incidence):
     """Tangent directions and their deviations ``(N, B)`` rad, distances from the neighbours' line ``(N, B)``
-    m and point covariances ``(N, B, 2, 2)`` m² of N scans."""
+    m and point covariances ``(N, B, 2, 2)`` m² of N scans ``ranges (N, B)`` m.
+
+    ``neighbourhood`` is its radius and beams, ``same`` the distance and cosine of a common line.
+    """
+    radius, most = neighbourhood
     shape = ranges.shape
     direction, deviation, offset = np.empty(shape), np.empty(shape), np.empty(shape)
     covariance = np.empty((shape[0], shape[1], 2, 2))
@@ -168,9 +166,9 @@ def read_surfaces(ranges, angles, spacing_angle, radius, sigma_range, sigma_angl
             points[i, 0] = ranges[k, i] * np.cos(angles[i])
             points[i, 1] = ranges[k, i] * np.sin(angles[i])
         spacing = ranges[k] * spacing_angle
-        direction[k], deviation[k] = tangents_of_beams(points, spacing, radius, sigma_range)
-        offset[k] = offsets_from_lines(points, direction[k], sigma_range)
+        direction[k], deviation[k] = tangents_of_beams(points, spacing, radius, sigma_range, most)
+        offset[k] = offsets_from_lines(points, direction[k], sigma_range, same[0], same[1], most)
         covariance[k] = point_covariances(
-            ranges[k], angles, direction[k], spacing_angle, sigma_range, sigma_angle
+            ranges[k], angles, direction[k], spacing_angle, sigma_range, sigma_angle, incidence
         )
     return direction, deviation, offset, covariance

@@ -8,7 +8,7 @@ from os import PathLike
 
 import numpy as np
 
-from slam.formats import carmen, recording_npz, rosbag, rosbag_writer, usarsim
+from slam.formats import carmen, recording_npz, rosbag, usarsim
 from slam.formats import relations as relations_file
 from slam.formats.text import File, FormatError
 from slam.recording import Recording
@@ -35,7 +35,7 @@ class Format:
 
 
 FORMATS = {
-    "rosbag": Format("a ROS 2 bag", rosbag.recognise, rosbag.read, rosbag_writer.write),
+    "rosbag": Format("a ROS 2 bag", rosbag.recognise, rosbag.read, rosbag.write),
     "npz": Format("a recording.npz", recording_npz.recognise, recording_npz.read, recording_npz.write),
     "usarsim": Format("a USARSim log", usarsim.recognise, usarsim.read, usarsim.write),
     "carmen": Format("a CARMEN log", carmen.recognise, carmen.read, carmen.write),

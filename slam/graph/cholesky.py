@@ -37,10 +37,13 @@ class Structure:
         starts = np.searchsorted(key, nodes * np.arange(nodes + 1))
         parent = kernels.elimination_tree(starts, key % nodes)
         row_starts, row_columns = kernels.filled_rows(starts, key % nodes, parent)
-        for i in range(nodes):
-            row_columns[row_starts[i] : row_starts[i + 1]].sort()
-        *columns, places = kernels.by_columns(row_starts, row_columns)
-        return cls(position, (columns[0], columns[1]), (row_starts, row_columns, places))
+        rows = np.repeat(np.arange(nodes), np.diff(row_starts))
+        row_columns = row_columns[np.lexsort((row_columns, rows))]
+        by_column = np.argsort(row_columns, kind="stable")
+        starts = np.searchsorted(row_columns[by_column], np.arange(nodes + 1))
+        row_places = np.empty_like(by_column)
+        row_places[by_column] = np.arange(len(by_column))
+        return cls(position, (starts, rows[by_column]), (row_starts, row_columns, row_places))
 
     @property
     def blocks(self) -> int:

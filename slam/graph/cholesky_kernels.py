@@ -60,24 +60,6 @@ def filled_rows(starts: np.ndarray, columns: np.ndarray, parent: np.ndarray) -> 
 
 
 @njit(cache=True)
-def by_columns(row_starts: np.ndarray, row_columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """CSR to CSC: ``starts`` and ``rows`` of the columns, and the place in them of each entry of the rows."""
-    n = len(row_starts) - 1
-    starts = np.zeros(n + 1, dtype=np.int64)
-    for k in row_columns:
-        starts[k + 1] += 1
-    starts = np.cumsum(starts)
-    free = starts[:-1].copy()
-    rows, places = np.empty(len(row_columns), dtype=np.int64), np.empty(len(row_columns), dtype=np.int64)
-    for i in range(n):
-        for q in range(row_starts[i], row_starts[i + 1]):
-            k = row_columns[q]
-            rows[free[k]], places[q] = i, free[k]
-            free[k] += 1
-    return starts, rows, places
-
-
-@njit(cache=True)
 def _subtract(out: Array, a: Array, b: Array) -> None:
     """``out -= a bᵀ``."""
     for r in range(3):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from slam import se2
 from slam.recording import Laser, Recording
-from slam.scan import SIGMA_ANGLE, Scan, scans_of
+from slam.scan import Scan, ScanConfig, scans_of
 from slam.se2 import Array
 from slam.surface import correspondence_variance
 
@@ -49,7 +50,7 @@ def test_a_wall_ahead() -> None:
 def test_covariance_of_the_beam_at_right_angles() -> None:
     laser = Laser(sigma_range=0.02)
     P = Scan.from_ranges(WALL, ANGLES, laser).covariance[20]
-    along = (2.0 * SIGMA_ANGLE) ** 2 + correspondence_variance(2.0, np.pi / 2, np.radians(1.0))
+    along = (2.0 * ScanConfig.sigma_angle) ** 2 + correspondence_variance(2.0, np.pi / 2, np.radians(1.0))
     np.testing.assert_allclose(P, np.diag([0.02**2, along]), rtol=1e-6, atol=1e-12)
 
 
@@ -136,3 +137,27 @@ def test_scans_of_a_recording(room: Array, record: Callable[..., Recording]) -> 
     scans = scans_of(recording)
     assert len(scans) == 2
     assert_same(scans[1], Scan.from_ranges(recording.ranges[1], recording.angles, recording.laser))
+
+
+CHANGED = {
+    "neighbourhood": (0.1, "tangent_sigma"),
+    "most_neighbours": (2, "tangent_sigma"),
+    "same_line": (0.3, "points"),
+    "same_direction": (0.99999, "points"),
+    "least_sigma": (0.05, "covariance"),
+    "sigma_angle": (5e-3, "covariance"),
+    "no_tangent_incidence": (np.pi / 3.0, "covariance"),
+}
+"""Every setting, a value that is not the default, and what it must change."""
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(ScanConfig)])
+def test_every_setting_changes_what_is_read_off(
+    name: str, room: Array, record: Callable[..., Recording]
+) -> None:
+    value, read_off = CHANGED[name]
+    recording = record(room, [[2.0, 2.0, 0.3]])
+    plain, changed = (
+        scans_of(recording, config)[0] for config in (ScanConfig(), replace(ScanConfig(), **{name: value}))
+    )
+    assert not np.allclose(getattr(plain, read_off), getattr(changed, read_off), rtol=1e-4, equal_nan=True)

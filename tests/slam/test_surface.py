@@ -10,21 +10,16 @@ from scipy.integrate import quad
 
 from slam import se2
 from slam.se2 import Array
-from slam.surface import (
-    NO_TANGENT_INCIDENCE,
-    REACH,
-    correspondence_variance,
-    point_covariances,
-    tangents_of_beams,
-)
+from slam.surface import correspondence_variance, point_covariances, tangents_of_beams
 
 quick = settings(deadline=None, max_examples=60, derandomize=True)
 
 SIGMA = 0.01
+REACH, INCIDENCE = 12, np.pi / 8.0
 
 
 def tangents(points: Array, spacing: float = 0.02, radius: float = 0.3) -> tuple[Array, Array]:
-    return tangents_of_beams(points, np.full(len(points), spacing), radius, SIGMA)
+    return tangents_of_beams(points, np.full(len(points), spacing), radius, SIGMA, REACH)
 
 
 def modulo_half_turn(angle: Array) -> Array:
@@ -154,7 +149,7 @@ def test_twin_of_point_covariances() -> None:
     direction = rng.uniform(-np.pi, np.pi, 30)
     direction[::5], ranges[3] = np.nan, np.nan
     spacing, sigma_range, sigma_angle = 0.02, 0.015, 2e-3
-    found = point_covariances(ranges, angles, direction, spacing, sigma_range, sigma_angle)
+    found = point_covariances(ranges, angles, direction, spacing, sigma_range, sigma_angle, INCIDENCE)
     for i in range(30):
         if np.isnan(ranges[i]):
             assert np.all(np.isnan(found[i]))
@@ -162,7 +157,7 @@ def test_twin_of_point_covariances() -> None:
         R = se2.rotation(angles[i])
         P = R @ np.diag([sigma_range**2, (ranges[i] * sigma_angle) ** 2]) @ R.T
         if np.isnan(direction[i]):
-            P = P + correspondence_variance(ranges[i], NO_TANGENT_INCIDENCE, spacing) * np.eye(2)
+            P = P + correspondence_variance(ranges[i], INCIDENCE, spacing) * np.eye(2)
         else:
             e = np.array([np.cos(direction[i]), np.sin(direction[i])])
             incidence = np.abs(modulo_half_turn(angles[i] - direction[i]))

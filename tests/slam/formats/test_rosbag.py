@@ -17,7 +17,7 @@ from slam.recording import Laser, Odometry, Recording
 
 pytest.importorskip("rosbags", reason="ROS 2 bags need the package rosbags: pip install 'slamstitch[ros]'")
 
-from slam.formats import quaternion, rosbag_writer
+from slam.formats import quaternion, rosbag
 
 SCANS, BEAMS = 6, 9
 
@@ -56,7 +56,7 @@ def assert_same(found: Recording, given: Recording) -> None:
 
 @pytest.mark.parametrize(("storage", "suffix"), [("sqlite3", ".db3"), ("mcap", ".mcap")])
 def test_read_back_it_is_the_same_recording(storage: str, suffix: str, tmp_path: Path) -> None:
-    rosbag_writer.write(tmp_path / "bag", recording(), storage)
+    rosbag.write(tmp_path / "bag", recording(), storage)
     assert_same(load(tmp_path / "bag"), recording())
     assert_same(load(tmp_path / "bag" / f"bag{suffix}"), recording())
 
@@ -73,7 +73,7 @@ def test_odometry_is_kept_at_its_full_rate(tmp_path: Path) -> None:
         dead_reckoning=poses[rows],
         odometry=Odometry(time, poses, rows),
     )
-    rosbag_writer.write(tmp_path / "bag", given)
+    rosbag.write(tmp_path / "bag", given)
     found = load(tmp_path / "bag")
     assert found.source == "odometry"
     assert found.odometry is not None
@@ -87,7 +87,7 @@ def test_a_replayed_bag_has_what_slam_systems_listen_to(tmp_path: Path) -> None:
     from rosbags.interfaces import QosDurability
     from rosbags.rosbag2 import Reader
 
-    rosbag_writer.write(tmp_path / "bag", recording())
+    rosbag.write(tmp_path / "bag", recording())
     with Reader(tmp_path / "bag") as reader:
         topics = {c.topic: c for c in reader.connections}
         stamps = [stamp for _, stamp, _ in reader.messages()]
@@ -105,7 +105,7 @@ class Bag:
         from rosbags.typesys import Stores, get_typestore
 
         self.types = get_typestore(Stores.ROS2_HUMBLE)
-        self.messages = rosbag_writer._Messages(self.types.types)
+        self.messages = rosbag.Messages(self.types.types)
         self.writer = Writer(path, version=8)
         self.connections: dict[str, Any] = {}
         self.clock = 0
@@ -125,17 +125,17 @@ class Bag:
         self.writer.write(self.connections[topic], self.clock, self.types.serialize_cdr(message, kind))
 
     def odometry(self, time: float, x: float, topic: str = "/robot/odom") -> None:
-        self.say(topic, self.messages._odometry(time, "odom", np.array([x, 0.0, 0.1])))
+        self.say(topic, self.messages.odometry(time, "odom", np.array([x, 0.0, 0.1])))
 
     def scan(self, time: float, topic: str = "/robot/scan", **changes: Any) -> None:
         given = replace(recording(), time=np.full(SCANS, time))
-        message = self.messages._scan(given, 0)
+        message = self.messages.scan(given, 0)
         for name, value in changes.items():
             setattr(message, name, value)
         self.say(topic, message)
 
     def link(self, parent: str, child: str, pose: tuple[float, float, float], roll: float = 0.0) -> None:
-        message = self.messages._tf(0.0, parent, child, np.array(pose))
+        message = self.messages.tf(0.0, parent, child, np.array(pose))
         if roll:
             w, x, y, z = quaternion.from_angles(roll, 0.0, pose[2])
             message.transforms[0].transform.rotation = self.types.types["geometry_msgs/msg/Quaternion"](
@@ -247,7 +247,7 @@ def test_bags_that_make_no_sense(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
 def test_damaged_bags(storage: str, tmp_path: Path) -> None:
-    rosbag_writer.write(tmp_path / "bag", recording(), storage)
+    rosbag.write(tmp_path / "bag", recording(), storage)
     file = next(p for p in (tmp_path / "bag").iterdir() if p.suffix in (".db3", ".mcap"))
     whole = file.read_bytes()
     for part in (b"", whole[: len(whole) // 2], b"nonsense" * 500):
@@ -263,18 +263,18 @@ def test_damaged_bags(storage: str, tmp_path: Path) -> None:
 def test_what_a_bag_cannot_hold(tmp_path: Path) -> None:
     given = recording()
     with pytest.raises(ValueError, match="times >= 0"):
-        rosbag_writer.write(tmp_path / "bag", replace(given, time=given.time - 1.0))
+        rosbag.write(tmp_path / "bag", replace(given, time=given.time - 1.0))
     uneven = np.sort(np.random.default_rng(0).uniform(-2.0, 2.0, BEAMS))
     with pytest.raises(ValueError, match="evenly spaced"):
-        rosbag_writer.write(tmp_path / "bag", replace(given, angles=uneven))
+        rosbag.write(tmp_path / "bag", replace(given, angles=uneven))
     assert not (tmp_path / "bag").exists()
     (tmp_path / "bag").mkdir()
     with pytest.raises(FormatError, match="exists already"):
-        rosbag_writer.write(tmp_path / "bag", given)
+        rosbag.write(tmp_path / "bag", given)
 
 
 def test_without_rosbags_the_way_to_install_it_is_named(tmp_path: Path) -> None:
-    rosbag_writer.write(tmp_path / "bag", recording())
+    rosbag.write(tmp_path / "bag", recording())
     code = (
         "import sys; sys.modules['rosbags'] = None\n"
         "from slam.formats import load\n"
@@ -300,5 +300,5 @@ def test_a_bag_without_odometry_has_no_dead_reckoning(tmp_path: Path) -> None:
 
 
 def test_no_dead_reckoning_is_written_as_none(tmp_path: Path) -> None:
-    rosbag_writer.write(tmp_path / "bag", recording().without_dead_reckoning())
+    rosbag.write(tmp_path / "bag", recording().without_dead_reckoning())
     assert load(tmp_path / "bag").source == "none"
