@@ -151,7 +151,8 @@ def collect_samples(pairs: Sequence[SubmapPair], guided: bool, rng: np.random.Ge
 
 def fit_likelihood(alignments: CountedAlignments) -> tuple[Array, Array, float]:
     """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of
-    `stitch.alignment.likelihood.overlap_log_odds`, from alignments without a prior: a logistic regression on the features over their standard deviations."""
+    `stitch.alignment.likelihood.overlap_log_odds`, from alignments without a prior: a logistic regression on
+    the features over their standard deviations."""
     scale = alignments.features.std(axis=0) + SPREAD
     weights, bias = fit_logistic(alignments.features / scale, alignments.right)
     by_count, by_gap = np.split(weights / scale, [-3])
