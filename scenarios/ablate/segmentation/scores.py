@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import rankdata
 
 from scenarios.ablate.segmentation.drive import Steps
 from scenarios.ablate.segmentation.learning import RULES
@@ -135,21 +136,18 @@ def pooled_decision(drives: Sequence[ScoredDrive], name: str) -> Decision | None
 def correlations(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Array:
     """Spearman's correlation of all measures with each other, and with the true error in the last row and
     column: mean over drives, all steps; NaN where one was never measured or constant."""
-    size = len(names) + 1
-    sums, counts = np.zeros((size, size)), np.zeros((size, size))
+    matrices = []
     for drive in drives:
         columns = [*(drive.steps.columns[name] for name in names), drive.steps.error]
-        for i in range(size):
-            for j in range(i + 1):
-                if np.isnan(columns[i]).any() or np.isnan(columns[j]).any():
-                    continue
-                value = spearman(columns[i], columns[j])
-                if np.isfinite(value):
-                    sums[i, j] += value
-                    counts[i, j] += 1
-    lower = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    upper: Array = np.triu(lower.T, 1) + np.tril(lower)
-    return upper
+        ranks = rankdata(columns, axis=1)  # NaN throughout where one value is NaN
+        usable = np.ptp(ranks, axis=1) > 0.0
+        matrix = np.full((len(ranks), len(ranks)), np.nan)
+        if usable.any():
+            matrix[np.ix_(usable, usable)] = np.corrcoef(ranks[usable])
+        matrices.append(matrix)
+    several = np.stack(matrices)
+    counts = np.isfinite(several).sum(axis=0)
+    return np.where(counts > 0, np.nansum(several, axis=0) / np.maximum(counts, 1), np.nan)
 
 
 def _number(value: float | None) -> float:
