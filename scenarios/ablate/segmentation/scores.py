@@ -52,11 +52,6 @@ class ScoredDrive:
     steps_ours: int
     lost_ours: int
 
-    def base_rate(self, matched: bool) -> float:
-        """Share of the steps that were lost: what a measure that knows nothing has as average precision."""
-        steps = self.steps
-        return float(steps.lost[steps.matched].mean() if matched else steps.lost.mean())
-
 
 def collect_drives(answered: Sequence[tuple[Trial, Answer]]) -> list[ScoredDrive]:
     """The drives whose detection has a result, in the trials' order."""
@@ -121,7 +116,9 @@ def score_table(drives: Sequence[ScoredDrive], names: Sequence[str]) -> dict[str
     cutters = dict.fromkeys(cutter for drive in drives for cutter in drive.cuts)
     for number in DOWNSTREAM:
         values[number] = {
-            cutter: np.array([_number(drive.cuts.get(cutter, {}).get(number)) for drive in drives])
+            cutter: np.array(
+                [drive.cuts.get(cutter, {}).get(number, np.nan) for drive in drives], dtype=np.float64
+            )
             for cutter in cutters
         }
     return values
@@ -148,7 +145,3 @@ def correlations(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Array:
     several = np.stack(matrices)
     counts = np.isfinite(several).sum(axis=0)
     return np.where(counts > 0, np.nansum(several, axis=0) / np.maximum(counts, 1), np.nan)
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
