@@ -1,7 +1,8 @@
-"""Results of drives as medians, worst cases and paired ratios, by scenario and method."""
+"""Results of drives as medians, worst cases and paired ratios, by scenario and method; as tables and JSON."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,8 @@ import numpy as np
 from scenarios.ablate.method_variants import LAST, OURS, DriveResult, MethodVariant
 from scenarios.ablate.statistics import NAN, median_interval
 from scenarios.evaluation.consistency import band
+from scenarios.jsonable import jsonable
+from slam.table import ABSENT, Table, number, with_interval
 
 EVERYWHERE = "all"
 """The scenario of all scenarios together."""
@@ -17,6 +20,17 @@ BETTER_OF = ("ins", "wsm")
 """Our method is also compared with the better of these on each drive."""
 BETTER = f"better of {' and '.join(BETTER_OF)}"
 ERROR = "ate_rmse"
+COLUMNS = (
+    "scenario", "method", "drives", "ate_rmse", "worst", "map_f1", "worst", "false", "ANEES", "at end", "s",
+)  # fmt: skip
+NOTES = (
+    "worst: of all drives (which seed); false: of the accepted stitches, off by more than 0.3 m or 2°; "
+    "s: median processor time",
+    "ANEES: mean over drives of their poses' average, 1 is honest; at end: of the last poses alone, with the "
+    "band in which 95 % of honest ones lie",
+    "ratio: of ate_rmse on the same drive, below 1 where the first is better: median [95 % interval]",
+)
+
 
 Errors = Mapping[tuple[str, int], float]
 """`ERROR` by drive, its scenario and seed."""
@@ -89,8 +103,8 @@ def summarise(results: Sequence[DriveResult]) -> list[MethodSummary]:
 
 def _summary(scenario: str, method: str, results: Sequence[DriveResult]) -> MethodSummary:
     done = [result for result in results if not result.error]
-    worst_ate, worst_ate_drive = _worst(done, ERROR, 1.0)
-    worst_map, worst_map_drive = _worst(done, "map_f1", -1.0)
+    worst_ate, worst_ate_drive = _worst_drive(done, ERROR, 1.0)
+    worst_map, worst_map_drive = _worst_drive(done, "map_f1", -1.0)
     last = _finite(done, LAST)
     return MethodSummary(
         scenario=scenario,
@@ -178,7 +192,7 @@ def _finite(results: Sequence[DriveResult], name: str) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _worst(results: Sequence[DriveResult], name: str, sign: float) -> tuple[float, str]:
+def _worst_drive(results: Sequence[DriveResult], name: str, sign: float) -> tuple[float, str]:
     known = [result for result in results if np.isfinite(result.value(name))]
     worst = max(known, key=lambda result: sign * result.value(name), default=None)
     return (NAN, "") if worst is None else (worst.value(name), worst.name)
@@ -195,3 +209,70 @@ def _median(values: np.ndarray) -> float:
 
 def _mean(values: np.ndarray) -> float:
     return float(values.mean()) if len(values) else NAN
+
+
+def ranking_table(title: str, summaries: Sequence[MethodSummary], notes: Sequence[str] = ()) -> Table:
+    """A row per scenario and method."""
+    rows = [
+        (
+            one.scenario,
+            one.method,
+            f"{one.drives}" if one.failed == 0 else f"{one.drives} ({one.failed} failed)",
+            number(one.ate_rmse, 3),
+            _worst(one.worst_ate_rmse, one.worst_ate_drive, one.scenario, 3),
+            number(one.map_f1, 2),
+            _worst(one.worst_map_f1, one.worst_map_drive, one.scenario, 2),
+            ABSENT if one.accepted is None else f"{one.false}/{one.accepted}",
+            number(one.anees, 2),
+            with_interval(one.anees_last, *one.band),
+            number(one.seconds, 1),
+        )
+        for one in summaries
+    ]
+    return Table(COLUMNS, rows, title, names=2, notes=notes).grouped()
+
+
+def ratio_table(ratios: Sequence[PairedRatio]) -> Table:
+    """A row per comparison on the same drives."""
+    rows = [
+        (
+            one.scenario,
+            one.method,
+            one.against,
+            str(one.drives),
+            with_interval(one.ratio, *one.interval),
+            f"{one.better:.0%}",
+            number(one.worst, 2),
+            one.worst_drive,
+        )
+        for one in ratios
+    ]
+    columns = ("scenario", "method", "against", "drives", "ratio", "better", "worst", "where")
+    return Table(columns, rows, "On the same drives", names=3, notes=NOTES).grouped()
+
+
+def _worst(value: float, drive: str, scenario: str, decimals: int) -> str:
+    """A worst value and its drive, of which the scenario need not be said twice."""
+    return f"{number(value, decimals)} ({drive.removeprefix(scenario).strip()})" if drive else ABSENT
+
+
+def print_ranking(title: str, summaries: Sequence[MethodSummary], ratios: Sequence[PairedRatio]) -> None:
+    """Both tables on stdout, and what their columns mean."""
+    ranking_table(title, summaries, () if ratios else NOTES).print()
+    if ratios:
+        ratio_table(ratios).print()
+
+
+def ranking_json(
+    summaries: Sequence[MethodSummary],
+    ratios: Sequence[PairedRatio],
+    failed: Sequence[DriveResult],
+    about: Mapping[str, object],
+) -> str:
+    """The same as one object; a number that does not exist is null."""
+    errors = [
+        {"scenario": one.scenario, "seed": one.seed, "method": one.method, "error": one.error}
+        for one in failed
+    ]
+    content = {"schema": 1, **about, "standings": summaries, "comparisons": ratios, "failed": errors}
+    return json.dumps(jsonable(content), indent=2)

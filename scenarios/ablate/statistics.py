@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy.stats import binomtest, bootstrap, wilcoxon
 
 from slam.se2 import Array
 
@@ -42,8 +43,6 @@ class Proportion:
     @property
     def interval(self) -> tuple[float, float]:
         """Lower and upper limit; 0 and 1 of nothing."""
-        from scipy.stats import binomtest
-
         if self.n == 0:
             return 0.0, 1.0
         limits = binomtest(self.count, self.n).proportion_ci(method="wilson")
@@ -79,8 +78,6 @@ def mean_interval(values: Array, strata: Sequence[str], rng: np.random.Generator
 
     NaN are left out. Where every stratum has one value there is nothing to resample: the interval is NaN.
     """
-    from scipy.stats import bootstrap
-
     there = np.isfinite(values)
     n, names = int(there.sum()), np.asarray(strata)[there]
     if n == 0:
@@ -94,17 +91,17 @@ def mean_interval(values: Array, strata: Sequence[str], rng: np.random.Generator
     def mean(*samples: Array, axis: int) -> Array:
         return (sum(sample.sum(axis=axis) for sample in samples) + fixed) / n
 
-    return Mean(value, *_limits(bootstrap, several, mean, rng), n)
+    return Mean(value, *_limits(several, mean, rng), n)
 
 
 def median_interval(values: Array, rng: np.random.Generator) -> tuple[float, float]:
     """95 % bootstrap interval of the median of ``values (n,)``; NaN of a single one."""
-    from scipy.stats import bootstrap
-
-    return _limits(bootstrap, [values], np.median, rng) if len(values) > 1 else (NAN, NAN)
+    return _limits([values], np.median, rng) if len(values) > 1 else (NAN, NAN)
 
 
-def _limits(bootstrap, samples, statistic, rng: np.random.Generator) -> tuple[float, float]:
+def _limits(
+    samples: Sequence[Array], statistic: Callable[..., Array], rng: np.random.Generator
+) -> tuple[float, float]:
     result = bootstrap(
         samples, statistic, n_resamples=RESAMPLES, vectorized=True, method="percentile", random_state=rng
     )
@@ -129,8 +126,6 @@ def compare_pairs(
 def signed_rank_p(differences: Array) -> float:
     """Two-sided p of paired ``differences (n,)`` by Wilcoxon's signed-rank test; 1 where none is other than
     zero. NaN are left out."""
-    from scipy.stats import wilcoxon
-
     different = differences[np.isfinite(differences) & (differences != 0.0)]
     return float(wilcoxon(different).pvalue) if len(different) else 1.0
 

@@ -171,8 +171,8 @@ def score_alignment(
     if result.covariance is not None:
         xi = se2.log(se2.between(T_a_b, result.T_a_b))
         nees = float(xi @ np.linalg.solve(result.covariance, xi))
-    right = distance <= limit[0] and angle <= limit[1]
-    return "right" if right else "false", (distance, float(np.degrees(angle))), nees
+    outcome: Outcome = "right" if is_right(result.T_a_b, T_a_b, middle_b, limit) else "false"
+    return outcome, (distance, float(np.degrees(angle))), nees
 
 
 def pose_error(T_a_b: Array, truth: Array, middle_b: Array) -> tuple[float, float]:
@@ -181,10 +181,10 @@ def pose_error(T_a_b: Array, truth: Array, middle_b: Array) -> tuple[float, floa
     return float(np.linalg.norm(moved)), abs(float(se2.wrap(T_a_b[2] - truth[2])))
 
 
-def is_right(T_a_b: Array, truth: Array, middle_b: Array) -> bool:
-    """Whether a pose ``(3,)`` of b in a is within `LIMIT` of the truth."""
+def is_right(T_a_b: Array, truth: Array, middle_b: Array, limit: tuple[float, float] = LIMIT) -> bool:
+    """Whether a pose ``(3,)`` of b in a is within ``limit`` (m, rad) of the truth."""
     distance, angle = pose_error(T_a_b, truth, middle_b)
-    return distance <= LIMIT[0] and angle <= LIMIT[1]
+    return distance <= limit[0] and angle <= limit[1]
 
 
 def map_size(grid: Grid) -> tuple[float, float]:

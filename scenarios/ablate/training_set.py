@@ -35,10 +35,6 @@ class Columns:
         several = list(several)
         return cls(*(np.concatenate([getattr(part, f.name) for part in several]) for f in fields(cls)))
 
-    def subset(self, rows: np.ndarray) -> Self:
-        """Some of the rows, by number or mask."""
-        return type(self)(*(getattr(self, field.name)[rows] for field in fields(self)))
-
     @classmethod
     def pack(cls, several: Sequence[Self]) -> bytes:
         """Tables as one ``.npz``, to be read by `unpack`."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
 from scenarios.ablate.segmentation.drive import Steps
 from scenarios.ablate.segmentation.scores import ScoredDrive
+from scenarios.ablate.segmentation.trials import NEVER, TRUTH
 from scenarios.evaluation.detection import precision_recall
 from scenarios.report.style import FONT, LEFT, RIGHT, WIDTH, grid
 from slam.colours import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
@@ -23,13 +23,7 @@ if TYPE_CHECKING:
 
 THESIS = ("trace2", "det2", "neg_matches")
 """The measures of Formsma's thesis."""
-COLOURS = {
-    "trace2": ORANGE,
-    "det2": SKY,
-    "neg_matches": VERMILLION,
-    "innovation": GREEN,
-    "combined": BLUE,
-}
+COLOURS = {"trace2": ORANGE, "det2": SKY, "neg_matches": VERMILLION, "innovation": GREEN, "combined": BLUE}
 """Measures with a colour of their own; the others are grey."""
 
 
@@ -51,10 +45,10 @@ def curves(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Figure:
     for ax in axes[:, 0]:
         ax.set_ylabel("precision: share of those called lost that are", fontsize=FONT["label"])
     shown = {name: colour for name, colour in COLOURS.items() if name in names}
-    handles = [_line(colour, 1.8, name) for name, colour in shown.items()]
+    handles = [_handle(colour, 1.8, name) for name, colour in shown.items()]
     if set(names) - set(shown):
-        handles.append(_line(GREY, 0.8, "the others"))
-    handles.append(_line(BLACK, 0.8, "knows nothing", ":"))
+        handles.append(_handle(GREY, 0.8, "the others"))
+    handles.append(_handle(BLACK, 0.8, "knows nothing", linestyle=":"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=9)
     return figure
 
@@ -167,10 +161,10 @@ def timeline(steps: Steps, names: Sequence[str] = ("trace2", "neg_matches", "com
         ax.tick_params(labelbottom=False)
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
     handles = [
-        _line(BLACK, 0.8, "value"),
-        _line(VERMILLION, 5.0, "truly lost", alpha=0.35),
-        _line(BLUE, 0.0, "no match", marker="o"),
-        _line(GREEN, 1.0, "threshold", "--"),
+        _handle(BLACK, 0.8, "value"),
+        _handle(VERMILLION, 5.0, "truly lost", alpha=0.35),
+        _handle(BLUE, 0.0, "no match", linestyle="none", marker="o"),
+        _handle(GREEN, 1.0, "threshold", linestyle="--"),
     ]
     figure.legend(handles=handles, loc="lower center", ncols=len(handles), frameon=False, fontsize=9)
     return figure
@@ -197,17 +191,8 @@ def _timeline_panel(
     ax.tick_params(labelsize=FONT["tick"])
 
 
-def _line(
-    colour: str,
-    width: float,
-    label: str,
-    style: Literal["-", "--", ":"] = "-",
-    marker: str = "",
-    alpha: float = 1.0,
-) -> Line2D:
+def _handle(colour: str, width: float, label: str, **style: Any) -> Line2D:
+    """An entry of a legend."""
     from matplotlib.lines import Line2D
 
-    return Line2D(
-        [], [], color=colour, linewidth=width, linestyle=style if width else "none", marker=marker,
-        markersize=5, alpha=alpha, label=label,
-    )  # fmt: skip
+    return Line2D([], [], color=colour, linewidth=width, label=label, markersize=5, **style)

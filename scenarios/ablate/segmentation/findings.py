@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
 from scenarios.ablate.segmentation.learning import RULES
 from scenarios.ablate.segmentation.scores import ScoredDrive, pooled_decision, score_table
+from scenarios.ablate.segmentation.trials import NEVER, TRUTH
 from scenarios.ablate.statistics import Mean, PairedDifference, compare_pairs, mean_interval
 from scenarios.evaluation.detection import Decision
 from slam.se2 import Array

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarios.ablate.segmentation import figures
-from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
 from scenarios.ablate.segmentation.findings import Findings
 from scenarios.ablate.segmentation.scores import correlations
 from scenarios.ablate.segmentation.table import COLUMNS, cells, difference_table, notes, scenario_table
+from scenarios.ablate.segmentation.trials import NEVER, TRUTH
 from scenarios.ablate.statistics import PairedDifference
 from scenarios.report.style import png
 from slam.odometry.confidence import MEASURES

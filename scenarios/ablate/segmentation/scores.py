@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import rankdata
 
 from scenarios.ablate.segmentation.drive import Steps
 from scenarios.ablate.segmentation.learning import RULES
@@ -50,11 +51,6 @@ class ScoredDrive:
     cuts: Mapping[str, Mapping[str, float]]
     steps_ours: int
     lost_ours: int
-
-    def base_rate(self, matched: bool) -> float:
-        """Share of the steps that were lost: what a measure that knows nothing has as average precision."""
-        steps = self.steps
-        return float(steps.lost[steps.matched].mean() if matched else steps.lost.mean())
 
 
 def collect_drives(answered: Sequence[tuple[Trial, Answer]]) -> list[ScoredDrive]:
@@ -120,7 +116,9 @@ def score_table(drives: Sequence[ScoredDrive], names: Sequence[str]) -> dict[str
     cutters = dict.fromkeys(cutter for drive in drives for cutter in drive.cuts)
     for number in DOWNSTREAM:
         values[number] = {
-            cutter: np.array([_number(drive.cuts.get(cutter, {}).get(number)) for drive in drives])
+            cutter: np.array(
+                [drive.cuts.get(cutter, {}).get(number, np.nan) for drive in drives], dtype=np.float64
+            )
             for cutter in cutters
         }
     return values
@@ -135,22 +133,15 @@ def pooled_decision(drives: Sequence[ScoredDrive], name: str) -> Decision | None
 def correlations(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Array:
     """Spearman's correlation of all measures with each other, and with the true error in the last row and
     column: mean over drives, all steps; NaN where one was never measured or constant."""
-    size = len(names) + 1
-    sums, counts = np.zeros((size, size)), np.zeros((size, size))
+    matrices = []
     for drive in drives:
         columns = [*(drive.steps.columns[name] for name in names), drive.steps.error]
-        for i in range(size):
-            for j in range(i + 1):
-                if np.isnan(columns[i]).any() or np.isnan(columns[j]).any():
-                    continue
-                value = spearman(columns[i], columns[j])
-                if np.isfinite(value):
-                    sums[i, j] += value
-                    counts[i, j] += 1
-    lower = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    upper: Array = np.triu(lower.T, 1) + np.tril(lower)
-    return upper
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
+        ranks = rankdata(columns, axis=1)  # NaN throughout where one value is NaN
+        usable = np.ptp(ranks, axis=1) > 0.0
+        matrix = np.full((len(ranks), len(ranks)), np.nan)
+        if usable.any():
+            matrix[np.ix_(usable, usable)] = np.corrcoef(ranks[usable])
+        matrices.append(matrix)
+    several = np.stack(matrices)
+    counts = np.isfinite(several).sum(axis=0)
+    return np.where(counts > 0, np.nansum(several, axis=0) / np.maximum(counts, 1), np.nan)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
 from scenarios.ablate.segmentation.figures import THESIS
 from scenarios.ablate.segmentation.findings import Findings
 from scenarios.ablate.segmentation.learning import COMBINED
+from scenarios.ablate.segmentation.trials import NEVER, TRUTH
 from scenarios.ablate.statistics import Mean, PairedDifference
 
 
@@ -45,7 +45,8 @@ def _best(findings: Findings) -> str:
         f"one in {_percent(best.means['auc_matched'])} of the cases (AUC, mean of "
         f"{best.means['auc_matched'].n} drives)."
     )
-    alike = [name for name in ranked[1:] if not _surely(findings.ranking, best.name, name)]
+    pairs = [(name, between(findings.ranking, best.name, name)) for name in ranked[1:]]
+    alike = [name for name, one in pairs if one is None or not one.significant]
     if alike:
         return f"{text} It cannot be told apart from {_listed(alike)} on these drives."
     if len(ranked) == 1:
@@ -85,9 +86,8 @@ def _where(findings: Findings) -> list[str]:
         ahead = [name for name, value in there.items() if value > there[best]]
         if ahead:
             described = [f"{name} ({there[name]:.3f})" for name in sorted(ahead, key=lambda n: -there[n])[:3]]
-            sentences.append(
-                f"in {scenario} ({there[best]:.3f}) {_listed(described)} {_are(described)} ahead of it"
-            )
+            are = "is" if len(described) == 1 else "are"
+            sentences.append(f"in {scenario} ({there[best]:.3f}) {_listed(described)} {are} ahead of it")
     if not sentences:
         return [f"{best} has the largest AUC in every one of the {len(findings.scenarios)} scenarios."]
     return [f"Where that does not hold: {'; '.join(sentences)}."]
@@ -100,13 +100,12 @@ def _maps(findings: Findings) -> list[str]:
         return []
     sentences = []
     for sign, words in ((-1, "smaller"), (1, "larger")):
-        surely = []
-        for name in cutters:
-            one = between(findings.mapping, name, NEVER) if name not in (NEVER, TRUTH) else None
-            if one is not None and one.significant and np.sign(one.difference.value) == sign:
-                surely.append((one.difference.value, name, one))
-        if surely:
-            described = [f"{name} ({_ratio(one)})" for _, name, one in sorted(surely, key=lambda f: f[0])]
+        against = [between(findings.mapping, name, NEVER) for name in cutters if name not in (NEVER, TRUTH)]
+        sure = [one for one in against if one is not None and one.significant]
+        sure = [one for one in sure if np.sign(one.difference.value) == sign]
+        if sure:
+            sure.sort(key=lambda one: one.difference.value)
+            described = [f"{one.first} ({_ratio(one)})" for one in sure]
             sentences.append(
                 f"The final map's position error is surely {words} than uncut by {_listed(described)}."
             )
@@ -118,10 +117,10 @@ def _maps(findings: Findings) -> list[str]:
         best = min(finite, key=lambda name: finite[name])
         one = between(findings.mapping, best, TRUTH)
         if one is not None:
-            sure = "surely" if one.significant else "not surely"
+            how = "surely" if one.significant else "not surely"
             sentences.append(
                 f"Of the measures, cutting by {best} leaves the smallest error; cutting just where the truth "
-                f"says differs from it by a factor of {np.exp(-one.difference.value):.2f}, {sure}."
+                f"says differs from it by a factor of {np.exp(-one.difference.value):.2f}, {how}."
             )
     return sentences
 
@@ -136,11 +135,6 @@ def _own_front_end(findings: Findings) -> str:
         f"({lost_there / there:.1%}). slamstitch's own was lost at {lost} of {steps} "
         "on the same drives, which leaves a measure hardly anything to find."
     )
-
-
-def _surely(comparisons: Sequence[PairedDifference], first: str, second: str) -> bool:
-    one = between(comparisons, first, second)
-    return one is not None and one.significant
 
 
 def _describe(one: PairedDifference) -> str:
@@ -168,7 +162,3 @@ def _p(value: float) -> str:
 
 def _listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
-
-
-def _are(words: Sequence[str]) -> str:
-    return "is" if len(words) == 1 else "are"

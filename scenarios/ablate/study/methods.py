@@ -49,8 +49,7 @@ def run(options: Options) -> None:
     scenarios, seeds, variants = checked(options)
 
     from scenarios.ablate.method_variants import DriveResult, run_trial, simulate_recording
-    from scenarios.ablate.paired_comparison import compare_methods, summarise
-    from scenarios.ablate.ranking_table import print_ranking, ranking_json
+    from scenarios.ablate.paired_comparison import compare_methods, print_ranking, ranking_json, summarise
 
     trials = [variant.trial(*drive) for drive in product(scenarios, seeds) for variant in variants]
     swept = options.sweep(trials, run_trial, prepare=simulate_recording)

@@ -52,12 +52,11 @@ def run(options: Options) -> None:
     measures = parse_names(options.measures or ",".join(MEASURES), MEASURES, "measure")
     scenarios, seeds = options.checked(count=True)
 
-    from scenarios.ablate.segmentation.cutting import NEVER, TRUTH
     from scenarios.ablate.segmentation.drive import label_drive
     from scenarios.ablate.segmentation.findings import analyse
     from scenarios.ablate.segmentation.scores import collect_drives
     from scenarios.ablate.segmentation.table import findings_json, findings_table
-    from scenarios.ablate.segmentation.trials import run_trial, trials
+    from scenarios.ablate.segmentation.trials import NEVER, TRUTH, run_trial, trials
     from scenarios.ablate.segmentation.verdict import verdict
     from slam.odometry.segmentation import THRESHOLDS
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -164,3 +165,14 @@ def test_reported_seeds_are_refused(ablate: Callable[..., Any]) -> None:
     assert done.code == 2
     assert "expected seeds from 100 on" in done.stderr
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize("name", ["likeness", "belief", "confidence"])
+def test_without_scikit_learn_the_extra_is_named(
+    ablate: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, name: str, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "sklearn", None)
+    done = ablate(name, "-o", tmp_path)
+    assert done.code == 2
+    assert done.stderr.endswith("training needs scikit-learn: pip install 'slamstitch[train]'\n")
+    assert done.stderr.count("\n") == 1

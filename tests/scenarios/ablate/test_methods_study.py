@@ -20,8 +20,13 @@ from scenarios.ablate.method_variants import (
     run_trial,
     simulate_recording,
 )
-from scenarios.ablate.paired_comparison import EVERYWHERE, PairedRatio, compare_methods, summarise
-from scenarios.ablate.ranking_table import print_ranking
+from scenarios.ablate.paired_comparison import (
+    EVERYWHERE,
+    PairedRatio,
+    compare_methods,
+    print_ranking,
+    summarise,
+)
 from scenarios.ablate.study.methods import Options, checked, run
 from scenarios.methods import METHODS, Method
 from scenarios.source import Source

@@ -13,15 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate.segmentation.cutting import (
-    LEAN,
-    NEVER,
-    TRUTH,
-    map_with_cuts,
-    predict_failures,
-    segments_from,
-    splice_dead_reckoning,
-)
 from scenarios.ablate.segmentation.drive import LabelledDrive, Steps, label_drive, steps_of
 from scenarios.ablate.segmentation.findings import Findings, analyse
 from scenarios.ablate.segmentation.learning import FEATURES, combined, fit_combination, learn_thresholds
@@ -34,6 +25,15 @@ from scenarios.ablate.segmentation.scores import (
     score_measure,
 )
 from scenarios.ablate.segmentation.table import results_csv
+from scenarios.ablate.segmentation.trials import (
+    LEAN,
+    NEVER,
+    TRUTH,
+    map_with_cuts,
+    predict_failures,
+    segments_from,
+    splice_dead_reckoning,
+)
 from scenarios.ablate.segmentation.verdict import verdict
 from scenarios.ablate.statistics import Mean
 from scenarios.ablate.study import confidence, segmentation

@@ -6,6 +6,7 @@ import csv
 import json
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from scenarios.ablate.pair_sampling import (
     overlap_of,
     sample_pairs,
 )
+from scenarios.ablate.random_streams import stream
 from scenarios.ablate.stitching_summary import ALL, summarise
 from scenarios.ablate.stitching_trials import (
     PAIRS,
@@ -309,3 +311,21 @@ def test_bad_input_is_one_line(ablate: Command, arguments: list[str], complaint:
     assert complaint in done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""
+
+
+def test_streams_differ_by_seed_scenario_purpose_and_index() -> None:
+    """Their numbers are part of every published result: they stay."""
+    draws = [
+        stream(*names).random()  # type: ignore[arg-type]
+        for names in [
+            (5, "hospital", "sessions"),
+            (5, "hospital", "pairs"),
+            (5, "hospital", "priors", 0),
+            (5, "hospital", "priors", 1),
+            (5, "beehive", "pairs"),
+            (6, "hospital", "pairs"),
+        ]
+    ]
+    assert len(set(draws)) == 6
+    assert draws[1] == np.random.default_rng([5, zlib.crc32(b"hospital"), 3]).random()
+    assert draws[3] == np.random.default_rng([5, zlib.crc32(b"hospital"), 4, 1]).random()
