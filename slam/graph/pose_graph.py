@@ -135,23 +135,18 @@ class Solution:
     weights: Array
 
 
-def optimise(
-    graph: PoseGraph,
-    loss: Loss = "gnc",
-    relinearisations: int = RELINEARISATIONS,
-    gnc: GncConfig = DEFAULT_GNC,
-) -> Solution:
+def optimise(graph: PoseGraph, loss: Loss = "gnc", gnc: GncConfig = DEFAULT_GNC) -> Solution:
     """Most likely poses of the graph by gtsam's Levenberg-Marquardt, robust against false loops.
 
     ``gnc``: graduated non-convexity with truncated least squares (Yang et al. 2020) over the loops, all
     other edges known inliers; ``none``: plain least squares. An INS's steps are linearised anew up to
-    ``relinearisations`` times. Raises ``ValueError`` when an edge's information is not positive
+    `RELINEARISATIONS` times. Raises ``ValueError`` when an edge's information is not positive
     semi-definite, which gtsam would accept.
     """
     _check_information(graph)
     poses: Array = graph.poses
     weights: Array = np.ones(int(graph.loop.sum()))
-    for _ in range(relinearisations):
+    for _ in range(RELINEARISATIONS):
         before = poses
         poses, weights = _solve(replace(graph, poses=before), loss, gnc)
         change = se2.between(before, poses)

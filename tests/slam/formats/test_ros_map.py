@@ -58,7 +58,8 @@ def test_round_trip(tmp_path: Path) -> None:
 
 
 def test_png_and_negate(folder: Path) -> None:
-    cv2 = pytest.importorskip("cv2")
+    import cv2
+
     assert cv2.imwrite(str(folder / "map.png"), np.array([[255, 1, 50]], dtype=np.uint8))
     (folder / "map.yaml").write_text(YAML.replace("map.pgm", "map.png").replace("negate: 0", "negate: 1"))
     grid = ros_map.read(folder / "map.yaml")
@@ -110,7 +111,8 @@ def test_torn_image(folder: Path, data: bytes, capfd: pytest.CaptureFixture[str]
 
 def image(folder: Path, pixels: np.ndarray, **changes: str) -> Grid:
     """The map of one PNG with these pixels, channels in the order blue, green, red, alpha."""
-    cv2 = pytest.importorskip("cv2")
+    import cv2
+
     assert cv2.imwrite(str(folder / "map.png"), pixels)
     text = YAML.replace("map.pgm", "map.png").replace("negate: 0", f"negate: {changes.get('negate', '0')}")
     (folder / "map.yaml").write_text(text + f"mode: {changes.get('mode', 'trinary')}\n")
