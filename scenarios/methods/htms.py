@@ -27,7 +27,7 @@ def stitch_in_sequence(recording: Recording, config: MethodConfig) -> Estimate:
     A lost scan stays with the piece before it; a piece that cannot be stitched stays where ManifoldSLAM
     had it.
     """
-    scans = scans_of(recording)
+    scans = scans_of(recording, config.manifold.scan)
     tracked = track(recording, config.manifold, scans)
     matched = np.flatnonzero(tracked.verdict != Verdict.FELL_BACK)
     cuts = segments(tracked, config.htms.segmentation)

@@ -39,7 +39,8 @@ def run(recording: Recording, config: MethodConfig) -> Estimate:
     if truth is None:
         raise InputError(f"oracle: expected a recording with truth, {recording.name} has none")
     mapping = replace(config.slam, loops=replace(config.slam.loops, back_end="none"))
-    scans = remove_co_moving_points(recording, scans_of(recording), mapping.ego_motion_filter)
+    scans = scans_of(recording, mapping.frontend.scan)
+    scans = remove_co_moving_points(recording, scans, mapping.ego_motion_filter)
     tracked = track(recording, mapping.frontend, scans)
     reckoning = DeadReckoning(recording, mapping.frontend.dead_reckoning)
     tracked = with_true_failures(reckoning, tracked, truth, mapping.segmentation.measure)

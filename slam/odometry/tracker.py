@@ -19,7 +19,7 @@ from slam.odometry.match_statistics import MatchStatistics
 from slam.odometry.tilt import tilted_scans
 from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
-from slam.scan import Scan, stream
+from slam.scan import Scan, ScanConfig, stream
 from slam.se2 import Array
 
 ALWAYS = 1.01
@@ -46,6 +46,8 @@ class LaserOnlyConfig:
 class FrontendConfig:
     """The front end: tracking scan by scan."""
 
+    scan: ScanConfig = field(default_factory=ScanConfig)
+    """How surfaces and uncertainties are read off the ranges."""
     seed_mode: Literal["absolute", "incremental"] = "incremental"
     """The guess: the absolute dead-reckoned pose (ManifoldSLAM), or the last pose moved by the increment."""
     reference: Literal["scan", "local_map"] = "local_map"
@@ -156,7 +158,9 @@ def track(
     """
     tilted = tilted_scans(recording, config.tilt_limit, config.tilt_window)
     tracker = Tracker(recording, config, room=len(recording))
-    for scan, is_tilted in zip(stream(recording) if scans is None else scans, tilted, strict=True):
+    for scan, is_tilted in zip(
+        stream(recording, config.scan) if scans is None else scans, tilted, strict=True
+    ):
         tracker.step(scan, is_tilted)
     return tracker.track()
 

@@ -21,7 +21,7 @@ from slam.graph.odometry_factors import OdometryFactorConfig, dead_reckoning_gra
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping import keyframes
 from slam.mapping.keyframes import KeyframeConfig
-from slam.matching import Reference
+from slam.matching import MatchConfig, Reference
 from slam.matching.reference import SCAN_CELL
 from slam.odometry.dead_reckoning import DeadReckoning
 from slam.scan import Scan
@@ -51,6 +51,10 @@ class BundleConfig:
     """Mean information of a point pair below which a direction fades out."""
     length: float = 2.0
     """Lever [m] by which angles and lengths are compared where directions fade out."""
+    same_side: float = MatchConfig().same_side
+    """Cosine between two normals from which they face the same way."""
+    freeze_ratio: float = MatchConfig().freeze_ratio
+    """Share of the strongest direction's information below which a step leaves a direction alone."""
     least_pairs: int = 15
     """Point pairs that a scan pair needs."""
     match_inflation: float = 25.0
@@ -205,7 +209,7 @@ class _Cloud:
         guesses = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])
         T_ij, information, used, misfit = linearise_pairs(
             self.arrays, self.offsets, self.lattice, pairs, guesses, radius,
-            config.robust, config.fade, config.length,
+            config.robust, config.fade, config.length, config.same_side, config.freeze_ratio,
         )  # fmt: skip
         known = used >= config.least_pairs
         in_body = se2.to_body_covariance(T_ij[known], information[known]) / config.match_inflation

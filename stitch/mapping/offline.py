@@ -48,7 +48,8 @@ def map_recording(
     mount = find_mount(recording, config)
     if mount is not None:
         recording = recording.with_laser_mount(mount.T_robot_laser)
-    scans = remove_co_moving_points(recording, scans_of(recording), config.ego_motion_filter)
+    scans = scans_of(recording, config.frontend.scan)
+    scans = remove_co_moving_points(recording, scans, config.ego_motion_filter)
     tracked = track(recording, config.frontend, scans)
     stitch = partial(align, config=config.loops.align)
     estimate = build_map(recording, scans, tracked, config, stitch, revise)

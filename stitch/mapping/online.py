@@ -151,7 +151,7 @@ class OnlineMapper:
             log.append(ranges, time, dead_reckoning, attitude)
         else:
             log.append(ranges, time, dead_reckoning, attitude)
-            scan = Scan.from_ranges(log.ranges[-1], log.angles, log.laser)
+            scan = Scan.from_ranges(log.ranges[-1], log.angles, log.laser, self.config.frontend.scan)
         return self._step(scan, self.tilt.is_tilted(attitude))
 
     def estimate(self) -> Estimate:

@@ -56,8 +56,9 @@ def match_pairs(
     T_ij = guesses
     for radius in online.radii:
         T_ij, information, used, misfit = linearise_pairs(
-            cloud, offsets, lattice, pairs, T_ij, radius, config.robust, config.fade, config.length
-        )
+            cloud, offsets, lattice, pairs, T_ij, radius, config.robust, config.fade, config.length,
+            config.same_side, config.freeze_ratio,
+        )  # fmt: skip
     left = np.abs(se2.between(guesses, T_ij))
     known = (used >= config.least_pairs) & (np.hypot(left[:, 0], left[:, 1]) <= online.max_shift)
     known &= left[:, 2] <= online.max_turn
