@@ -17,6 +17,7 @@ from slam.formats import FormatError, g2o, load, tum
 from slam.formats.recording_npz import TORN
 from slam.graph.pose_graph import PoseGraph
 from slam.recording import Recording
+from slam.scan import scans_of
 from stitch.mapping.estimate import Estimate
 
 
@@ -54,6 +55,7 @@ def read_run(folder: Path) -> tuple[Recording, list[Estimate], list[Metric]]:
         )
     try:
         recording = load(folder / "recording.npz")
+        scans = scans_of(recording)
         with (
             np.load(folder / TRACKS_FILE, allow_pickle=False) as tracks,
             np.load(folder / SUBMAPS_FILE, allow_pickle=False) as submaps,
@@ -64,7 +66,7 @@ def read_run(folder: Path) -> tuple[Recording, list[Estimate], list[Metric]]:
                     tum.read(_trajectory(folder, method))[1],
                     covariance=tracks.get(f"{method}/{COVARIANCE}"),
                     track=read_track(tracks, method),
-                    submaps=read_submaps(submaps, method),
+                    submaps=read_submaps(submaps, method, scans),
                     stitches=tuple(map(stitch_from_json, stitches.get(method, []))),
                     graph_before=_graph(folder, method, "before"),
                     graph_after=_graph(folder, method, "after"),

@@ -39,7 +39,7 @@ def write_run(folder: Path, run: Run) -> None:
     dump(folder / "segments.json", segments(estimates))
     dump(folder / "stitches.json", stitches(estimates, recording.truth))
     write_tracks(folder / TRACKS_FILE, estimates)
-    write_submaps(folder / SUBMAPS_FILE, estimates)
+    write_submaps(folder / SUBMAPS_FILE, estimates, recording)
     (folder / METRICS_FILE).write_text(run.metrics_json() + "\n", encoding="utf-8")
 
 

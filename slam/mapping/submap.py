@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,7 +20,8 @@ class Submap:
     """Scans ``start..stop-1`` of a drive in the frame of one anchor pose, that of scan ``start``.
 
     ``anchor (3,)`` is the anchor's pose in the map frame at the time of cutting; ``points`` and ``grid``
-    are in the anchor's frame.
+    are in the anchor's frame. They were drawn from the scans ``rows (K,)`` at ``T_anchor_scan (K, 3)``; none
+    of these where the submap was not made of scans.
     """
 
     start: int
@@ -28,6 +29,8 @@ class Submap:
     anchor: Array
     points: Scan
     grid: Grid
+    rows: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    T_anchor_scan: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 def cut(
@@ -50,7 +53,7 @@ def cut(
         raise ValueError(f"submap {start}..{stop - 1}: none of its scans may be drawn")
     anchor = poses[start]
     local = se2.between(anchor, poses[inside])
-    points = Scan.merged([scans[k].transformed(T) for k, T in zip(inside, local, strict=True)])
+    points = merge_scans([scans[k] for k in inside], local)
     grid = occupancy.draw(
         local,
         measurements.ranges[inside],
@@ -58,4 +61,9 @@ def cut(
         measurements.laser,
         resolution=resolution,
     )
-    return Submap(start, stop, anchor, points, grid)
+    return Submap(start, stop, anchor, points, grid, inside, local)
+
+
+def merge_scans(scans: Sequence[Scan], T_anchor_scan: Array) -> Scan:
+    """The points of K scans, which lie at ``T_anchor_scan (K, 3)``, in the anchor's frame."""
+    return Scan.merged([scan.transformed(T) for scan, T in zip(scans, T_anchor_scan, strict=True)])

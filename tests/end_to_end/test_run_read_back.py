@@ -58,7 +58,7 @@ def test_submaps_are_read_back_as_they_were_in_memory(method, done, drive, tmp_p
         for path in done.folder.iterdir():
             (folder / path.name).symlink_to(path)
         (folder / "submaps.npz").unlink()
-        write_submaps(folder / "submaps.npz", [replace(estimate, method="slamstitch")])
+        write_submaps(folder / "submaps.npz", [replace(estimate, method="slamstitch")], load(drive))
         method = "slamstitch"
     _, estimates, _ = read_run(folder)
     (read,) = (e.submaps for e in estimates if e.method == method)
