@@ -24,16 +24,16 @@ class Method:
     """What it is called everywhere."""
     system: System | str
     """The function behind it, or "module:function", imported when it is called."""
-    colour: str = "#8c8c8c"
-    """Its colour in figures."""
+    colour: int | None = None
+    """Index of the colour that it keeps on every page; None: one of those for others."""
     needs_dead_reckoning: str = ""
     """Why it has no answer without dead reckoning; empty where it has one."""
     sees_truth: bool = False
     """Whether it is told the truth: then it runs only where it is named."""
     online: bool = False
     """Whether it answers scan by scan: then it runs only with ``--online``."""
-    merges: bool = False
-    """Whether it stitches submaps."""
+    in_sequence: bool = False
+    """Whether it aligns each submap to the map of all before it, in the frame of the first."""
 
     def __call__(self, recording: Recording, config: MethodConfig) -> Estimate | NoEstimate:
         """What the method says of a recording, or why it has nothing to say."""
@@ -69,25 +69,28 @@ METHODS: dict[str, Method] = {
         Method(
             BASELINE,
             "scenarios.methods.baselines:ins",
+            colour=1,
             needs_dead_reckoning="the recording has no dead reckoning",
         ),
-        Method("icp", "scenarios.methods.baselines:icp"),
+        Method("icp", "scenarios.methods.baselines:icp", colour=4),
         Method(
             "wsm",
             "scenarios.methods.baselines:wsm",
+            colour=2,
             needs_dead_reckoning="ManifoldSLAM starts every match at the dead-reckoned pose, and the "
             "recording has none",
         ),
         Method(
             "htms",
             "scenarios.methods.htms:stitch_in_sequence",
+            colour=3,
             needs_dead_reckoning="it stitches ManifoldSLAM's map, which needs dead reckoning, and the "
             "recording has none",
-            merges=True,
+            in_sequence=True,
         ),
-        Method(OURS, "scenarios.methods.ours:offline", merges=True),
-        Method(ONLINE, "scenarios.methods.ours:online", online=True, merges=True),
-        Method("oracle", "scenarios.methods.oracle:run", sees_truth=True, merges=True),
+        Method(OURS, "scenarios.methods.ours:offline", colour=0),
+        Method(ONLINE, "scenarios.methods.ours:online", online=True),
+        Method("oracle", "scenarios.methods.oracle:run", colour=5, sees_truth=True),
     )
 }
 """Name → method; one entry is all that a new one takes."""

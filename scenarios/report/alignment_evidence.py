@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from scenarios.report.method_attributes import MERGING
+from scenarios.report.method_attributes import merges_in_sequence
 from slam import se2
 from slam.mapping.occupancy import Grid
 from slam.se2 import Array
@@ -77,8 +77,8 @@ class AlignedPair:
 
     @classmethod
     def of(cls, estimate: Estimate, candidate: LoopCandidate) -> AlignedPair:
-        """The pair of a candidate; for methods of `MERGING` a is the map of all submaps before b."""
-        merges = estimate.method in MERGING
+        """The pair of a candidate; where methods merge in sequence a is the map of all submaps before b."""
+        merges = merges_in_sequence(estimate.method)
         a = merged_walls(estimate, candidate.b) if merges else walls_of(estimate, candidate.a)
         return cls(a, walls_of(estimate, candidate.b), before(estimate, candidate), pose_of(candidate))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from scenarios.evaluation.definitions import DEFINITIONS
 from scenarios.evaluation.metric import Metric
-from scenarios.report.method_attributes import BASELINE
+from scenarios.methods import BASELINE
 from slam.table import ABSENT, Bold, Table, number
 
 ARROWS = {"lower": "↓", "higher": "↑", None: ""}

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenarios.evaluation.metric import Metric
+from scenarios.methods import BASELINE, OURS
 from scenarios.report.figures import RenderedFigure, run_specs, write_figures
 from scenarios.report.html import environment, script, style
 from scenarios.report.live.content import live_content, script_safe
 from scenarios.report.live.encode import data_address
-from scenarios.report.method_attributes import BASELINE, OURS
 from scenarios.report.metrics_table import tabulate
 from scenarios.report.verdict import best_method, headline, scores, verdict
 from scenarios.run_folder.run import Run

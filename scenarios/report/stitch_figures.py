@@ -21,7 +21,7 @@ from scenarios.report.alignment_evidence import (
     rotation_correlation,
     score_surface,
 )
-from scenarios.report.method_attributes import MERGING
+from scenarios.report.method_attributes import merges_in_sequence
 from scenarios.report.style import FONT, WIDTH, fix_axes, set_title
 from slam import se2
 from slam.colours import BLACK, BLUE, GREY, ORANGE, VERMILLION
@@ -81,7 +81,7 @@ def _stitch_tile(estimate: Estimate, stitch: LoopCandidate, colour: str) -> Tile
     """A stitch on a tile: a blue, b orange, both black."""
     pair = AlignedPair.of(estimate, stitch)
     assert pair.T_a_b is not None
-    a = f"0…{stitch.b - 1}" if estimate.method in MERGING else f"{stitch.a}"
+    a = f"0…{stitch.b - 1}" if merges_in_sequence(estimate.method) else f"{stitch.a}"
     layers = pair_layers(pair.a.points, se2.transform(pair.T_a_b, pair.b.points))
     return Tile(f"{a} ← {stitch.b}", tuple((points, layer) for points, layer, _ in layers), colour)
 

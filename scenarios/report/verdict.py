@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scenarios.evaluation.metric import Metric
-from scenarios.report.method_attributes import BASELINE, SEES_TRUTH, colour_indices
+from scenarios.methods import BASELINE
+from scenarios.report.method_attributes import colour_indices, is_told_the_truth
 from scenarios.report.trajectory_figures import segment_gaps
 from slam.table import ABSENT
 from stitch.mapping.estimate import Estimate
@@ -34,7 +35,7 @@ class Score:
 
 def best_method(metrics: Sequence[Metric]) -> str | None:
     """The method with the best score; the oracle, which sees truth, does not compete."""
-    scores = {method: score for method, score in headline_scores(metrics).items() if method != SEES_TRUTH}
+    scores = {m: score for m, score in headline_scores(metrics).items() if not is_told_the_truth(m)}
     return min(scores, key=lambda method: scores[method]) if scores else None
 
 
@@ -68,8 +69,8 @@ def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> st
             "Nothing to score against: the recording has neither truth nor relations. Judge the maps by eye."
         )
     if best is None:
-        return f"No method but the {SEES_TRUTH} was scored."
-    scored = {method: score for method, score in headline_scores(metrics).items() if method != SEES_TRUTH}
+        return "No method but the oracle was scored."
+    scored = {m: score for m, score in headline_scores(metrics).items() if not is_told_the_truth(m)}
     cuts = next((len(segment_gaps(e.submaps)) for e in estimates if e.method == best and e.submaps), None)
     sentence = _ranking(best, scored, judged[1])
     return " ".join([sentence + _stitching(best, cuts, metrics), *_false_stitches(metrics, best)])

@@ -13,7 +13,7 @@ from scenarios.evaluation.trajectory import aligned
 from scenarios.report.alignment_evidence import state_of
 from scenarios.report.figures import false_stitches
 from scenarios.report.live.scan_fit import has_return
-from scenarios.report.method_attributes import MERGING, colour_indices
+from scenarios.report.method_attributes import colour_indices, merges_in_sequence
 from scenarios.run_folder.read import read_run
 from slam import se2
 from slam.cli import InputError
@@ -147,7 +147,7 @@ def _log_stitches(
 
     false = false_stitches(estimate, recording.truth)
     for k, stitch in enumerate(estimate.stitches):
-        a = stitch.b - 1 if estimate.method in MERGING else stitch.a
+        a = stitch.b - 1 if merges_in_sequence(estimate.method) else stitch.a
         ends = poses[[estimate.submaps[a].start, estimate.submaps[stitch.b].start], :2]
         state = state_of(stitch, k in false)
         _at(stream, recording, estimate.submaps[stitch.b].stop - 1)

@@ -15,7 +15,7 @@ from scenarios.report.alignment_evidence import (
     state_of,
 )
 from scenarios.report.live.encode import pack, pack_share, rounded
-from scenarios.report.method_attributes import MERGING
+from scenarios.report.method_attributes import merges_in_sequence
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Prior, Stitch
@@ -35,7 +35,7 @@ def _entry(
     entry: dict[str, object] = {
         "a": stitch.a,
         "b": stitch.b,
-        "merges": estimate.method in MERGING,
+        "merges": merges_in_sequence(estimate.method),
         "state": state_of(stitch, None if error is None else error.false),
         "reason": None if isinstance(stitch.result, Stitch) else stitch.result.reason,
         "weight": stitch.weight,
