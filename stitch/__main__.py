@@ -121,41 +121,39 @@ def join_two(options: Options, a: Submap, b: Submap) -> None:
     from stitch.command.frames import between_maps
 
     name_a, name_b = map(str, options.maps)
-    answer = align(a, b, prior(options, a, b), config(options, [a, b]))
-    told = between_maps(a, b, answer)
+    result = between_maps(a, b, align(a, b, prior(options, a, b), config(options, [a, b])))
     written = []
-    if isinstance(told, Stitch):
-        written = write(options, [0, 1], [a, b], np.array([np.zeros(3), told.T_a_b]))
+    if isinstance(result, Stitch):
+        written = write(options, [0, 1], [a, b], np.array([np.zeros(3), result.T_a_b]))
     if options.format == "json":
-        print(json.dumps(as_json(told), indent=2))
-    if isinstance(told, NoStitch):
-        best = "" if told.best is None else f"; the best candidate was {in_words(told.best.T_a_b)}"
-        raise RefusedError(f"not sure: {told.reason}{best}")
+        print(json.dumps(as_json(result), indent=2))
+    if isinstance(result, NoStitch):
+        best = "" if result.best is None else f"; the best candidate was {in_words(result.best.T_a_b)}"
+        raise RefusedError(f"not sure: {result.reason}{best}")
     if options.format == "text":
-        print(as_text(told, name_a, name_b), *written, sep="\n")
+        print(as_text(result, name_a, name_b), *written, sep="\n")
 
 
 def join_all(options: Options, submaps: list[Submap]) -> None:
     """Stitch every pair and optimise the graph. Raises `RefusedError` where none joins the first map."""
     from stitch.align import align
-    from stitch.command.answer import in_words, network_json
-    from stitch.command.frames import network_of_maps
+    from stitch.command.answer import graph_json, in_words, pairs_table
+    from stitch.command.frames import graph_between_maps
     from stitch.command.map_graph import join
-    from stitch.command.table import print_pairs
 
     names = [str(path) for path in options.maps]
     settings = config(options, submaps)
-    network = join(len(submaps), lambda a, b: align(submaps[a], submaps[b], None, settings))
-    told, members = network_of_maps(submaps, network), network.members
-    written = write(options, members, submaps, told.poses) if len(members) > 1 else []
+    of_anchors = join(len(submaps), lambda a, b: align(submaps[a], submaps[b], None, settings))
+    graph, members = graph_between_maps(submaps, of_anchors), of_anchors.members
+    written = write(options, members, submaps, graph.poses) if len(members) > 1 else []
     if options.format == "json":
-        print(json.dumps(network_json(told, names), indent=2))
+        print(json.dumps(graph_json(graph, names), indent=2))
     else:
-        print_pairs(names, told.results, told.trusted)
+        pairs_table(graph, names).print()
     if len(members) < 2:
         raise RefusedError(f"not sure: no map could be joined to {names[0]}")
     if options.format == "text":
-        places = [f"{names[k]}: {in_words(T)}" for k, T in zip(members, told.poses, strict=True)]
+        places = [f"{names[k]}: {in_words(T)}" for k, T in zip(members, graph.poses, strict=True)]
         print(f"In the frame of {names[0]}:", *places, *written, sep="\n")
     for k in sorted(set(range(len(names))) - set(members)):
         print(f"{COMMAND}: {names[k]} is left out: it does not hang together with the first", file=sys.stderr)
@@ -182,7 +180,7 @@ def write(options: Options, members: Sequence[int], submaps: list[Submap], poses
     """
     from slam import se2
     from stitch.command import output, picture
-    from stitch.command.merge import canvas, merged, placed
+    from stitch.command.merge import canvas, merge, place
 
     if options.out is None:
         return []
@@ -196,7 +194,7 @@ def write(options: Options, members: Sequence[int], submaps: list[Submap], poses
         onto = canvas(grids, T_first, resolution)
     except ValueError as error:
         raise InputError(str(error)) from error
-    whole = merged([placed(grid, T, onto) for grid, T in zip(grids, T_first, strict=True)])
+    whole = merge([place(grid, T, onto) for grid, T in zip(grids, T_first, strict=True)])
     drawing = picture.draw(labels([options.maps[k] for k in members]), grids, T_first, resolution)
     T_map_anchor = submaps[0].anchor
     corner = se2.transform(T_map_anchor, whole.origin[None])[0]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -17,27 +17,47 @@ if TYPE_CHECKING:
 METHODS: dict[str, Callable[[Submap, Submap, Prior | None, AlignConfig], Stitch | NoStitch]] = {}
 """Every aligner by its name; `stitch.align` has the entries."""
 
-RULES: dict[str, Callable[[Any], Any]] = {
-    "a positive number": lambda x: (x > 0.0) & np.isfinite(x),
-    "0 or a positive number": lambda x: (x >= 0.0) & np.isfinite(x),
-    "a number from 0 to 1": lambda x: (x >= 0.0) & (x <= 1.0),
-    "a whole number of at least 1": lambda x: (x >= 1) & np.all(x == np.floor(x)) & np.isfinite(x),
-    "a number": lambda x: ~np.isnan(x),
-}
-POSITIVE, NOT_NEGATIVE, SHARE, COUNT, NUMBER = RULES
 
+class Checked:
+    """A configuration whose numbers are checked: ``ValueError`` names the field and what was expected.
 
-def check(config: object, **rules: str) -> None:
-    """See that numeric fields, given by name with one of `RULES`, obey it. Raises ``ValueError``."""
-    for name, rule in rules.items():
-        value = getattr(config, name)
-        if isinstance(value, (bool, str)) or not np.all(RULES[rule](np.asarray(value, dtype=np.float64))):
-            raise ValueError(f"{name}: expected {rule}, got {value!r}")
+    Counts are whole numbers of at least 1, all others finite and not negative, but for what a class lists:
+    those that must be ``POSITIVE``, ``SHARES`` from 0 to 1, and ``LIMITS``, which may be any number.
+    """
+
+    POSITIVE: ClassVar[tuple[str, ...]] = ()
+    SHARES: ClassVar[tuple[str, ...]] = ()
+    LIMITS: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        for declared in fields(self):  # type: ignore[arg-type]
+            name, value = declared.name, getattr(self, declared.name)
+            if declared.type not in ("int", "float", "tuple[float, float]"):
+                continue
+            number = np.asarray(value, dtype=np.float64)
+            if declared.type == "int":
+                expected, valid = (
+                    "a whole number of at least 1",
+                    np.asarray(isinstance(value, int) and value >= 1),
+                )
+            elif name in self.LIMITS:
+                expected, valid = "a number", ~np.isnan(number)
+            elif name in self.SHARES:
+                expected, valid = "a number from 0 to 1", (number >= 0.0) & (number <= 1.0)
+            elif name in self.POSITIVE:
+                expected, valid = "a positive number", (number > 0.0) & np.isfinite(number)
+            else:
+                expected, valid = "0 or a positive number", (number >= 0.0) & np.isfinite(number)
+            if not np.all(valid):
+                raise ValueError(f"{name}: expected {expected}, got {value!r}")
 
 
 @dataclass(frozen=True)
-class WallConfig:
+class WallConfig(Checked):
     """What is a wall, and what may be furniture."""
+
+    POSITIVE = ("furniture_length",)
+    SHARES = ("furniture_weight",)
 
     furniture_weight: float = 0.1
     """Weight of a cell that may be furniture; one of a wall has 1."""
@@ -47,14 +67,17 @@ class WallConfig:
     """Directions, over half a turn, in which a straight run is looked for."""
 
     def __post_init__(self) -> None:
-        check(self, furniture_weight=SHARE, furniture_length=POSITIVE, run_directions=COUNT)
+        super().__post_init__()
         if not self.furniture_length[0] < self.furniture_length[1]:
             raise ValueError(f"furniture_length: expected two growing lengths, got {self.furniture_length}")
 
 
 @dataclass(frozen=True)
-class DirectionConfig:
+class DirectionConfig(Checked):
     """When the walls of a map have directions, by its Hough spectrum; read by joint, carpin and censi."""
+
+    POSITIVE = ("separation",)
+    SHARES = ("min_strength",)
 
     min_crest: float = 1.5
     """Maximum over mean of a spectrum that must be exceeded; 1 without any structure."""
@@ -67,14 +90,13 @@ class DirectionConfig:
     min_background_ratio: float = 2.0
     """The same, of the product's median, which is what unrelated walls add to every direction."""
 
-    def __post_init__(self) -> None:
-        check(self, min_crest=NOT_NEGATIVE, min_variation=NOT_NEGATIVE, separation=POSITIVE)
-        check(self, min_strength=SHARE, min_background_ratio=NOT_NEGATIVE)
-
 
 @dataclass(frozen=True)
-class RotationConfig:
+class RotationConfig(Checked):
     """Which rotations joint tries."""
+
+    POSITIVE = ("sweep_step",)
+    SHARES = ("min_peak_ratio",)
 
     n_theta: int = 360
     """Directions of the Hough transform, over half a turn."""
@@ -91,17 +113,16 @@ class RotationConfig:
     sweep_limit: float = 0.35
     """Reach [rad] of the sweep around a prior at most."""
 
-    def __post_init__(self) -> None:
-        check(self, n_theta=COUNT, n_peaks=COUNT, min_peaks=COUNT, min_peak_ratio=SHARE)
-        check(self, smoothing=NOT_NEGATIVE, sweep_step=POSITIVE, sweep_limit=NOT_NEGATIVE)
-
 
 @dataclass(frozen=True)
-class SearchConfig:
+class SearchConfig(Checked):
     """The search of all shifts of each rotation, done with two penalties; a score is in cells of wall.
 
     A coinciding cell of a straight wall scores 3.5 with a blur of 1.
     """
+
+    POSITIVE = ("resolution", "separation")
+    SHARES = ("facing_share",)
 
     resolution: float = 0.2
     """Side of a cell [m]."""
@@ -121,15 +142,13 @@ class SearchConfig:
     candidates: int = 8
     """Best alignments of each of the two searches that are climbed from."""
 
-    def __post_init__(self) -> None:
-        check(self, resolution=POSITIVE, free_penalty=NOT_NEGATIVE, lenient_penalty=NOT_NEGATIVE)
-        check(self, blur=NOT_NEGATIVE, facing_share=SHARE, shifts_per_rotation=COUNT)
-        check(self, separation=POSITIVE, candidates=COUNT)
-
 
 @dataclass(frozen=True)
-class PriorConfig:
+class PriorConfig(Checked):
     """How a prior is used."""
+
+    POSITIVE = ("sigmas",)
+    SHARES = ("confidence",)
 
     weight: float = 20.0
     """Cells of score lost per half of a squared Mahalanobis distance from the prior."""
@@ -140,13 +159,12 @@ class PriorConfig:
     confidence: float = 0.999
     """An answer outside the prior's χ² region of this probability is refused (not by htms); 1: none is."""
 
-    def __post_init__(self) -> None:
-        check(self, weight=NOT_NEGATIVE, sigmas=POSITIVE, margin=NOT_NEGATIVE, confidence=SHARE)
-
 
 @dataclass(frozen=True)
-class ClimbConfig:
+class ClimbConfig(Checked):
     """The climb of the score between the cells: all candidates coarsely, the likeliest then finely."""
+
+    POSITIVE = ("coarse_step", "fine_step")
 
     coarse_step: tuple[float, float] = (0.1, np.radians(1.0))
     """First step (m, rad) of the coarse climb."""
@@ -161,14 +179,12 @@ class ClimbConfig:
     finalists: int = 6
     """Candidates that climb on finely."""
 
-    def __post_init__(self) -> None:
-        check(self, coarse_step=POSITIVE, fine_step=POSITIVE, halvings=COUNT, max_steps=COUNT)
-        check(self, stride=COUNT, finalists=COUNT)
-
 
 @dataclass(frozen=True)
-class RefinementConfig:
+class RefinementConfig(Checked):
     """The scan matcher after the climb."""
+
+    POSITIVE = ("max_correction",)
 
     enabled: bool = True
     """False: the climb's answer stands."""
@@ -183,13 +199,12 @@ class RefinementConfig:
     )
     """The matcher's own settings."""
 
-    def __post_init__(self) -> None:
-        check(self, points=COUNT, max_correction=POSITIVE)
-
 
 @dataclass(frozen=True)
-class CovarianceConfig:
+class CovarianceConfig(Checked):
     """The covariance of an answer, from the score around it."""
+
+    POSITIVE = ("temperature", "step")
 
     temperature: float = 2.0
     """Difference of scores [cells] that is taken for noise."""
@@ -198,13 +213,13 @@ class CovarianceConfig:
     warp: tuple[float, float] = (0.018, 0.0026)
     """Distortion (m, rad) within a submap of about 30 x 20 m, as standard deviations."""
 
-    def __post_init__(self) -> None:
-        check(self, temperature=POSITIVE, step=POSITIVE, warp=NOT_NEGATIVE)
-
 
 @dataclass(frozen=True)
-class Acceptance:
+class Acceptance(Checked):
     """What an alignment must show to be believed."""
+
+    POSITIVE = ("slide",)
+    LIMITS = ("min_lead", "max_ambiguity", "min_belief", "sliding", "close_lead")
 
     min_overlap: float = 4.0
     """Area [m²] known in both maps."""
@@ -224,15 +239,12 @@ class Acceptance:
     close_lead: float = 4.0
     """A lead below this is named as the reason of a low belief."""
 
-    def __post_init__(self) -> None:
-        check(self, min_overlap=NOT_NEGATIVE, min_open=NOT_NEGATIVE, slide=POSITIVE)
-        check(self, min_lead=NUMBER, max_ambiguity=NUMBER, min_belief=NUMBER)
-        check(self, sliding=NUMBER, close_lead=NUMBER)
-
 
 @dataclass(frozen=True)
-class CarpinConfig:
+class CarpinConfig(Checked):
     """Carpin (2008)."""
+
+    SHARES = ("min_acceptance_index",)
 
     n_theta: int = 360
     """Directions of the Hough transform, over half a turn."""
@@ -243,12 +255,9 @@ class CarpinConfig:
     drawn floor plans with 3 cm of noise (seeds 100–329): 19 of 20 true answers have 0.948 or more, 49 of 50
     false ones 0.937 or less."""
 
-    def __post_init__(self) -> None:
-        check(self, n_theta=COUNT, n_peaks=COUNT, min_acceptance_index=SHARE)
-
 
 @dataclass(frozen=True)
-class CensiConfig:
+class CensiConfig(Checked):
     """Censi et al. (2005); all but the last are the authors' program's own."""
 
     n_theta: int = 360
@@ -264,14 +273,13 @@ class CensiConfig:
     max_residual: float = 3.0
     """Cells by which a lag may miss the solution: one is rounding, the rest bent walls."""
 
-    def __post_init__(self) -> None:
-        check(self, n_theta=COUNT, n_peaks=COUNT, smoothing=NOT_NEGATIVE, directions=COUNT, lags=COUNT)
-        check(self, max_residual=NOT_NEGATIVE)
-
 
 @dataclass(frozen=True)
-class FeatureConfig:
+class FeatureConfig(Checked):
     """OpenCV's features (akaze, orb); a pixel is a cell."""
+
+    POSITIVE = ("reach",)
+    SHARES = ("ratio",)
 
     margin: int = 32
     """Unknown pixels around a map: detectors leave out what is near the border."""
@@ -292,14 +300,12 @@ class FeatureConfig:
     most true answers at half overlap; on 300 pairs of drawn floor plans (seeds 100–329) 19 of 20 false
     answers have less than 0.46."""
 
-    def __post_init__(self) -> None:
-        check(self, margin=NOT_NEGATIVE, orb_features=COUNT, ratio=SHARE, max_matches=COUNT)
-        check(self, proposers=COUNT, reach=POSITIVE, min_arm=NOT_NEGATIVE, min_confidence=NOT_NEGATIVE)
-
 
 @dataclass(frozen=True)
-class AlignConfig:
+class AlignConfig(Checked):
     """How two submaps are aligned. Raises ``ValueError`` for an unknown method or a number without sense."""
+
+    POSITIVE = ("resolution",)
 
     method: str = "joint"
     """A name of `stitch.align.METHODS`: ours ("joint") or one of `stitch.published`."""
@@ -331,6 +337,6 @@ class AlignConfig:
     """Of akaze and orb. What htms does is fixed by the thesis."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.method not in METHODS:
             raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {self.method!r}")
-        check(self, resolution=POSITIVE)

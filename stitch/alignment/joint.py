@@ -58,16 +58,6 @@ class AlignmentProblem:
     b: FreeSpaceMap
     field: ScoreField
 
-    @property
-    def prior(self) -> Prior | None:
-        """What is known before."""
-        return self.field.prior
-
-    @property
-    def config(self) -> AlignConfig:
-        """The settings."""
-        return self.field.config
-
     @classmethod
     def of(cls, a: Walls, b: Walls, prior: Prior | None, config: AlignConfig) -> AlignmentProblem:
         """The problem of aligning two maps' walls."""
@@ -76,9 +66,9 @@ class AlignmentProblem:
     def log_odds(self, T_a_b: Array) -> float:
         """Log-odds of an alignment: its overlap likelihood, with the prior's penalty where there is one."""
         log_odds = overlap_log_odds(count_overlap(self.a, self.b, T_a_b))
-        if self.prior is None:
+        if self.field.prior is None:
             return log_odds
-        return log_odds + PRIOR_BONUS - float(prior_penalty(self.prior, T_a_b, 1.0))
+        return log_odds + PRIOR_BONUS - float(prior_penalty(self.field.prior, T_a_b, 1.0))
 
     def ranked(self, poses: list[Array]) -> list[Alternative]:
         """Poses ``(3,)`` with their log-odds, the likeliest first."""
@@ -120,10 +110,11 @@ def best_candidates(problem: AlignmentProblem) -> list[Alternative]:
     All that a search of all rotations and shifts finds climb coarsely, with a part of the points; the
     likeliest climb on finely.
     """
-    a, b, climb, config = problem.a.walls, problem.b.walls, problem.config.climb, problem.config
-    found = search(a, b, rotations(a.points, b.points, problem.prior, config), problem.prior, config)
-    field, centre = problem.field, b.points.mean(axis=0)
-    starts = {tuple(c.T_a_b): c.T_a_b for c in found}.values()  # many are found with either penalty
+    a, b, field = problem.a.walls, problem.b.walls, problem.field
+    config, prior, centre = field.config, field.prior, b.points.mean(axis=0)
+    climb, angles = config.climb, rotations(a.points, b.points, prior, config)
+    # many are found with either penalty
+    starts = {tuple(c.T_a_b): c.T_a_b for c in search(a, b, angles, prior, config)}.values()
     coarse = [hill_climb(field, T, field.pivot(T), climb.coarse_step, climb.stride)[0] for T in starts]
     finalists = _distinct(problem.ranked(coarse), centre, config.search)[: climb.finalists]
     fine = [hill_climb(field, c.T_a_b, field.pivot(c.T_a_b), climb.fine_step)[0] for c in finalists]
@@ -275,8 +266,8 @@ def score_best(
     problem: AlignmentProblem, candidates: list[Alternative]
 ) -> tuple[SharedArea, CandidateScores]:
     """What the maps share at the first of the candidates, and all its scores."""
-    (best, *others), field, prior = candidates, problem.field, problem.prior
-    b, T_a_b, config = problem.b.walls, best.T_a_b, problem.config
+    (best, *others), field = candidates, problem.field
+    b, T_a_b, config, prior = problem.b.walls, best.T_a_b, field.config, field.prior
     shared = measure_shared_area(field.raster_a, rasterise(b.points, b.grid, T_a_b, config.resolution))
     around = np.pi / 4.0 * np.arange(8)
     shifts = config.acceptance.slide * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)

@@ -73,22 +73,23 @@ def classify_points(points: Array, facing: Array, kind: np.ndarray, T: Array, on
     ``off (2, 3)``: by kind; in the free space beside a wall, in free space far from any, in unknown cells.
     """
     c, s = np.cos(T[2]), np.sin(T[2])
+    nearest, free, origin, resolution, others, others_facing = onto
     for n in range(points.shape[0]):
         x = c * points[n, 0] - s * points[n, 1] + T[0]
         y = s * points[n, 0] + c * points[n, 1] + T[1]
-        i, j = _cell(x, y, onto)
-        if not _is_inside(i, j, onto):
+        j, i = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
+        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
             off[kind[n], 2] += 1
             continue
-        k = onto.nearest[i, j]
+        k = nearest[i, j]
         if k < 0:
-            off[kind[n], 1 if onto.free[i, j] else 2] += 1
+            off[kind[n], 1 if free[i, j] else 2] += 1
             continue
-        nx, ny = onto.facing[k, 0], onto.facing[k, 1]
+        nx, ny = others_facing[k, 0], others_facing[k, 1]
         size = np.sqrt(nx * nx + ny * ny)
-        dx, dy = x - onto.points[k, 0], y - onto.points[k, 1]
+        dx, dy = x - others[k, 0], y - others[k, 1]
         distance = abs(dx * nx + dy * ny) / size if size > MIN_NORMAL else np.sqrt(dx * dx + dy * dy)
-        if onto.free[i, j] and distance > MISSED:
+        if free[i, j] and distance > MISSED:
             off[kind[n], 0] += 1
         cosine = nx * (c * facing[n, 0] - s * facing[n, 1]) + ny * (s * facing[n, 0] + c * facing[n, 1])
         way = 0 if cosine > FACING else (1 if cosine < -FACING else 2)
@@ -107,14 +108,15 @@ def count_gap_points(points: Array, facing: Array, T: Array, onto: WallLookup, c
     on both, no farther apart than `MAX_GAP`.
     """
     c, s = np.cos(T[2]), np.sin(T[2])
+    nearest, free, origin, resolution, others, _ = onto
     for n in range(points.shape[0]):
         x = c * points[n, 0] - s * points[n, 1] + T[0]
         y = s * points[n, 0] + c * points[n, 1] + T[1]
-        i, j = _cell(x, y, onto)
-        if not (_is_inside(i, j, onto) and onto.free[i, j]):
+        j, i = int(np.floor((x - origin[0]) / resolution)), int(np.floor((y - origin[1]) / resolution))
+        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1] and free[i, j]):
             continue
-        k = onto.nearest[i, j]
-        if k >= 0 and np.hypot(onto.points[k, 0] - x, onto.points[k, 1] - y) < GAP_CLEARANCE:
+        k = nearest[i, j]
+        if k >= 0 and np.hypot(others[k, 0] - x, others[k, 1] - y) < GAP_CLEARANCE:
             continue
         nx, ny = c * facing[n, 0] - s * facing[n, 1], s * facing[n, 0] + c * facing[n, 1]
         size = np.hypot(nx, ny)
@@ -132,32 +134,19 @@ def _next_wall(line, way, onto):
     """Distance [m] along a ``line`` (x, y and its normal), ``way`` 1 or -1, to the next wall in line with it;
     infinity beyond `MAX_GAP`."""
     x, y, nx, ny = line
-    for step in range(1, int(2.0 * MAX_GAP / onto.resolution) + 1):
-        far = 0.5 * step * onto.resolution
+    nearest, _, origin, resolution, others, others_facing = onto
+    for step in range(1, int(2.0 * MAX_GAP / resolution) + 1):
+        far = 0.5 * step * resolution
         px, py = x - way * far * ny, y + way * far * nx
-        i, j = _cell(px, py, onto)
-        if not _is_inside(i, j, onto):
+        j, i = int(np.floor((px - origin[0]) / resolution)), int(np.floor((py - origin[1]) / resolution))
+        if not (0 <= i < nearest.shape[0] and 0 <= j < nearest.shape[1]):
             break
-        k = onto.nearest[i, j]
+        k = nearest[i, j]
         if k < 0:
             continue
-        dx, dy = onto.points[k, 0] - px, onto.points[k, 1] - py
-        fx, fy = onto.facing[k, 0], onto.facing[k, 1]
-        in_line = abs(dx * nx + dy * ny) <= GAP_OFFSET and abs(dy * nx - dx * ny) <= onto.resolution
+        dx, dy = others[k, 0] - px, others[k, 1] - py
+        fx, fy = others_facing[k, 0], others_facing[k, 1]
+        in_line = abs(dx * nx + dy * ny) <= GAP_OFFSET and abs(dy * nx - dx * ny) <= resolution
         if in_line and abs(fx * nx + fy * ny) >= GAP_COSINE * max(np.hypot(fx, fy), MIN_NORMAL):
             return far
     return np.inf
-
-
-@njit(cache=True)
-def _cell(x, y, onto):
-    """Row and column of the cell that a point lies in."""
-    return (
-        int(np.floor((y - onto.origin[1]) / onto.resolution)),
-        int(np.floor((x - onto.origin[0]) / onto.resolution)),
-    )
-
-
-@njit(cache=True)
-def _is_inside(i, j, onto):
-    return 0 <= i < onto.nearest.shape[0] and 0 <= j < onto.nearest.shape[1]

@@ -53,26 +53,20 @@ class ScoreField:
 
     def scores(self, T_a_b: Array, least: float = -np.inf) -> Array:
         """Scores ``(K,)`` of poses ``(K, 3)``, in coinciding cells; -inf for those surely below ``least``."""
-        from stitch.alignment.score_kernels import sum_along
-
-        shared = sum_along(self.over_a, T_a_b)
+        shared = _sum_along(self.over_a, T_a_b)
         shared -= prior_penalty(self.prior, T_a_b, self.config.prior.weight)
         worth = shared >= least
         scores = np.full(len(shared), -np.inf)
-        scores[worth] = shared[worth] - self.penalty * sum_along(self.free_b, se2.inverse(T_a_b[worth]))
+        scores[worth] = shared[worth] - self.penalty * _sum_along(self.free_b, se2.inverse(T_a_b[worth]))
         return scores
 
     def agreement(self, T_a_b: Array) -> Array:
         """Cells ``(K,)`` of walls that coincide at poses ``(K, 3)``, a straight wall's cell counting 1."""
-        from stitch.alignment.score_kernels import sum_along
-
-        return sum_along(self.near, T_a_b) / LINE
+        return _sum_along(self.near, T_a_b) / LINE
 
     def conflict(self, T_a_b: Array) -> Array:
         """Cells ``(K,)`` of walls of either map that lie in the other's free space at poses ``(K, 3)``."""
-        from stitch.alignment.score_kernels import sum_along
-
-        return sum_along(self.free_a, T_a_b) + sum_along(self.free_b, se2.inverse(T_a_b))
+        return _sum_along(self.free_a, T_a_b) + _sum_along(self.free_b, se2.inverse(T_a_b))
 
     def pivot(self, T_a_b: Array) -> Array:
         """Point ``(2,)`` about which b is turned: the mean of its walls that a knows something about."""
@@ -110,6 +104,12 @@ def score_field(a: Walls, b: Walls, prior: Prior | None, config: AlignConfig) ->
         config=config,
         prior=prior,
     )
+
+
+def _sum_along(layer: Layer, poses: Array) -> Array:
+    from stitch.alignment.score_kernels import sum_along
+
+    return sum_along(layer, poses)
 
 
 def _thinned(layer: Layer, stride: int) -> Layer:

@@ -53,12 +53,13 @@ def _scratch(n):
 @njit(cache=True)
 def _sum_at(layer, xy, pose, scratch):
     """The sum for one pose; ``xy (2, n)`` are the points. Cells are computed first, vectorised, then read."""
-    height, width = layer.field.shape
+    field, first, resolution, _, weights = layer  # as locals: a field read in a loop is not vectorised
+    height, width = field.shape
     if height < 2 or width < 2:
         return 0.0
-    c, s = np.cos(pose[2]) / layer.resolution, np.sin(pose[2]) / layer.resolution
-    x0 = pose[0] / layer.resolution - layer.first[0] - 0.5
-    y0 = pose[1] / layer.resolution - layer.first[1] - 0.5
+    c, s = np.cos(pose[2]) / resolution, np.sin(pose[2]) / resolution
+    x0 = pose[0] / resolution - first[0] - 0.5
+    y0 = pose[1] / resolution - first[1] - 0.5
     cells, parts = scratch
     for n in range(xy.shape[1]):
         x = c * xy[0, n] - s * xy[1, n] + x0
@@ -68,8 +69,8 @@ def _sum_at(layer, xy, pose, scratch):
         i, j = np.int32(y), np.int32(x)
         cells[n] = i * np.int32(width) + j
         parts[0, n], parts[1, n] = x - j, y - i
-        parts[2, n] = layer.weights[n] if inside else 0.0
-    flat, below, total = layer.field.ravel(), np.uint64(width), 0.0
+        parts[2, n] = weights[n] if inside else 0.0
+    flat, below, total = field.ravel(), np.uint64(width), 0.0
     for n in range(xy.shape[1]):
         if parts[2, n] == 0.0:
             continue
@@ -178,13 +179,13 @@ def mean_of_known(layer: Layer, pose: Array) -> Array:
     """Mean ``(2,)`` of a layer's points that, moved by ``pose (3,)``, lie in cells of its field that are not
     zero; of all of them when none does."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    points, known = layer.points, layer.field
+    known, first, resolution, points, _ = layer
     total, everything = np.zeros(3), np.zeros(2)
     for n in range(points.shape[0]):
         everything += points[n]
         x, y = c * points[n, 0] - s * points[n, 1] + pose[0], s * points[n, 0] + c * points[n, 1] + pose[1]
-        j = int(np.floor(x / layer.resolution) - layer.first[0])
-        i = int(np.floor(y / layer.resolution) - layer.first[1])
+        j = int(np.floor(x / resolution) - first[0])
+        i = int(np.floor(y / resolution) - first[1])
         if 0 <= i < known.shape[0] and 0 <= j < known.shape[1] and known[i, j] != 0.0:
             total[0] += points[n, 0]
             total[1] += points[n, 1]

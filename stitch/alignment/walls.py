@@ -9,7 +9,7 @@ import numpy as np
 from slam.mapping.occupancy import Grid
 from slam.scan import Scan
 from slam.se2 import Array
-from stitch.alignment.config import COUNT, POSITIVE, SHARE, check
+from stitch.alignment.config import Checked
 from stitch.alignment.raster import dilated
 
 ROUNDING = 1.0 / 12.0
@@ -17,8 +17,10 @@ ROUNDING = 1.0 / 12.0
 
 
 @dataclass(frozen=True)
-class SurfaceConfig:
+class SurfaceConfig(Checked):
     """How a wall's direction is read off the cells around each of its own."""
+
+    POSITIVE = ("radius", "radius_cells")
 
     radius: float = 0.3
     """Radius [m] of the cells that are read."""
@@ -28,9 +30,6 @@ class SurfaceConfig:
     """Cells without which there is no direction."""
     max_scatter_ratio: float = 0.25
     """Variance across the wall over that along it, above which there is no direction."""
-
-    def __post_init__(self) -> None:
-        check(self, radius=POSITIVE, radius_cells=POSITIVE, min_neighbours=COUNT, max_scatter_ratio=SHARE)
 
 
 DEFAULT = SurfaceConfig()

@@ -1,4 +1,4 @@
-"""What is told of an alignment: as an object for JSON, and as lines to read."""
+"""What the command says of an alignment: an object for JSON, lines to read, a table of many."""
 
 from __future__ import annotations
 
@@ -8,68 +8,70 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from slam.se2 import Array
-from stitch.alignment.result import Alternative, NoStitch, Stitch
+from slam.table import Table, number
+from stitch.alignment.result import NoStitch, Stitch
 from stitch.command.frames import deviations
 
 if TYPE_CHECKING:
-    from stitch.command.map_graph import Network
+    from stitch.command.map_graph import MapGraph
+
+COLUMNS = (
+    "map",
+    "in the frame of",
+    "verdict",
+    "x [m]",
+    "y [m]",
+    "yaw [°]",
+    "overlap [m²]",
+    "agreement",
+    "margin",
+)
 
 
-def as_json(answer: Stitch | NoStitch) -> dict[str, Any]:
-    """An answer between two maps in m, m² and rad; ``null`` is what there is none of.
+def as_json(result: Stitch | NoStitch) -> dict[str, Any]:
+    """An alignment of two maps in m, m² and rad; ``null`` is what there is none of.
 
     ``std`` are the standard deviations of the three numbers of ``T_a_b``; ``belief`` is the probability that
-    they are right at all, as of simulated pairs like these; ``alternatives`` are the other
-    candidates, best first; of a refusal all of them are, the best one too.
+    they are right at all, as of simulated pairs like these; ``alternatives`` are the other candidates, best
+    first; of a refusal all of them are, the best one too.
     """
-    if isinstance(answer, NoStitch):
-        nothing = dict.fromkeys(("T_a_b", "std", "overlap_m2", "agreement", "margin"))
-        best = [] if answer.best is None else [answer.best]
-        return {
-            "accepted": False,
-            **nothing,
-            "reason": answer.reason,
-            "alternatives": _listed(best),
-            "belief": None,
-        }
-    return {
-        "accepted": True,
-        "T_a_b": answer.T_a_b.tolist(),
-        "std": None if answer.covariance is None else deviations(answer.T_a_b, answer.covariance).tolist(),
-        "overlap_m2": answer.overlap_area,
-        "agreement": answer.agreement,
-        "margin": margin(answer),
-        "reason": None,
-        "alternatives": _listed(answer.alternatives),
-        "belief": None if answer.belief is None else _probability(answer.belief),
-    }
+    content: dict[str, Any] = {"accepted": isinstance(result, Stitch)}
+    content |= dict.fromkeys(("T_a_b", "std", "overlap_m2", "agreement", "margin", "reason"))
+    if isinstance(result, NoStitch):
+        content["reason"], belief = result.reason, None
+        others = [] if result.best is None else [result.best]
+    else:
+        others, belief = list(result.alternatives), result.belief
+        content["T_a_b"] = result.T_a_b.tolist()
+        if result.covariance is not None:
+            content["std"] = deviations(result.T_a_b, result.covariance).tolist()
+        content["overlap_m2"], content["agreement"] = result.overlap_area, result.agreement
+        content["margin"] = margin(result)
+    content["alternatives"] = [{"T_a_b": other.T_a_b.tolist(), "score": other.score} for other in others]
+    return content | {"belief": None if belief is None else _probability(belief)}
 
 
-def network_json(network: Network, names: Sequence[str]) -> dict[str, Any]:
+def graph_json(graph: MapGraph, names: Sequence[str]) -> dict[str, Any]:
     """Many maps joined: where each lies in the frame of the first, and every pair that was tried."""
-    joined = len(network.members) > 1
-    placed = zip(network.members, network.poses, network.covariances, strict=True)
+    joined = len(graph.members) > 1
+    maps = zip(graph.members, graph.poses, graph.covariances, strict=True)
     return {
         "accepted": joined,
         "reason": None if joined else f"no map could be joined to {names[0]}",
         "maps": [
             {"map": names[k], "T_first_map": T.tolist(), "std": deviations(T, sigma).tolist()}
-            for k, T, sigma in placed
+            for k, T, sigma in maps
         ],
-        "left_out": [name for k, name in enumerate(names) if k not in network.members],
+        "left_out": [name for k, name in enumerate(names) if k not in graph.members],
         "pairs": [
-            {"a": names[a], "b": names[b], **as_json(result), "used": (a, b) in network.trusted}
-            for (a, b), result in network.results.items()
+            {"a": names[a], "b": names[b], **as_json(result), "used": (a, b) in graph.trusted}
+            for (a, b), result in graph.results.items()
         ],
     }
 
 
 def _probability(log_odds: float) -> float:
     return float(1.0 / (1.0 + np.exp(-log_odds)))
-
-
-def _listed(alternatives: list[Alternative] | tuple[Alternative, ...]) -> list[dict[str, Any]]:
-    return [{"T_a_b": other.T_a_b.tolist(), "score": other.score} for other in alternatives]
 
 
 def margin(stitch: Stitch) -> float | None:
@@ -100,7 +102,31 @@ def as_text(stitch: Stitch, a: str, b: str) -> str:
     lines.append(f"  agreement {stitch.agreement:10.2f} of the walls in the overlap are in both maps")
     if stitch.belief is not None:
         lines.append(f"  belief    {100.0 * _probability(stitch.belief):10.1f} % that it is right at all")
-    left = margin(stitch)
-    rival = "none" if left is None else f"{in_words(stitch.alternatives[0].T_a_b)}, margin {left:.2f}"
+    lead = margin(stitch)
+    rival = "none" if lead is None else f"{in_words(stitch.alternatives[0].T_a_b)}, margin {lead:.2f}"
     lines.append(f"  runner-up {rival}")
     return "\n".join(lines)
+
+
+def pairs_table(graph: MapGraph, names: Sequence[str]) -> Table:
+    """Every pair of maps tried, given between the maps, with the reasons against as notes."""
+    rows, notes = [], []
+    for (a, b), result in graph.results.items():
+        if isinstance(result, NoStitch):
+            rows.append((names[b], names[a], "no", *[""] * 6))
+            notes.append(f"{names[b]} in {names[a]}: no: {result.reason}")
+            continue
+        trusted = (a, b) in graph.trusted
+        if not trusted:
+            notes.append(f"{names[b]} in {names[a]}: not used: contradicted, or apart from the first map")
+        x, y, yaw = result.T_a_b
+        rows.append(
+            (
+                names[b],
+                names[a],
+                "joined" if trusted else "not used",
+                *(number(x), number(y), number(np.degrees(yaw), 2), number(result.overlap_area, 1)),
+                *(number(result.agreement, 2), number(margin(result), 2)),
+            )
+        )
+    return Table(COLUMNS, rows, names=3, notes=notes)

@@ -14,7 +14,7 @@ from slam.se2 import Array
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 
 if TYPE_CHECKING:
-    from stitch.command.map_graph import Network
+    from stitch.command.map_graph import MapGraph
 
 
 def prior_between(a: Submap, b: Submap, T_a_b: Array, sigma: Array) -> Prior:
@@ -30,28 +30,28 @@ def prior_between(a: Submap, b: Submap, T_a_b: Array, sigma: Array) -> Prior:
     return Prior(T, se2.transport(covariance, se2.inverse(b.anchor)))
 
 
-def between_maps(a: Submap, b: Submap, answer: Stitch | NoStitch) -> Stitch | NoStitch:
-    """An answer between the anchors of two submaps as one between their maps."""
-    if isinstance(answer, NoStitch):
-        return replace(answer, best=answer.best and _moved(a, b, answer.best))
+def between_maps(a: Submap, b: Submap, result: Stitch | NoStitch) -> Stitch | NoStitch:
+    """An alignment between the anchors of two submaps as one between their maps."""
+    if isinstance(result, NoStitch):
+        return replace(result, best=result.best and _moved(a, b, result.best))
     return replace(
-        answer,
-        T_a_b=_pose(a, b, answer.T_a_b),
-        covariance=None if answer.covariance is None else se2.transport(answer.covariance, b.anchor),
-        alternatives=tuple(_moved(a, b, alternative) for alternative in answer.alternatives),
+        result,
+        T_a_b=_pose(a, b, result.T_a_b),
+        covariance=None if result.covariance is None else se2.transport(result.covariance, b.anchor),
+        alternatives=tuple(_moved(a, b, alternative) for alternative in result.alternatives),
     )
 
 
-def network_of_maps(submaps: Sequence[Submap], network: Network) -> Network:
-    """A network of anchors as one of their maps."""
-    members = [submaps[k] for k in network.members]
+def graph_between_maps(submaps: Sequence[Submap], graph: MapGraph) -> MapGraph:
+    """A graph of anchors as one of their maps."""
+    members = [submaps[k] for k in graph.members]
     return replace(
-        network,
-        poses=np.array([_pose(submaps[0], b, T) for b, T in zip(members, network.poses, strict=True)]),
+        graph,
+        poses=np.array([_pose(submaps[0], b, T) for b, T in zip(members, graph.poses, strict=True)]),
         covariances=np.array(
-            [se2.transport(sigma, b.anchor) for b, sigma in zip(members, network.covariances, strict=True)]
+            [se2.transport(sigma, b.anchor) for b, sigma in zip(members, graph.covariances, strict=True)]
         ),
-        results={(a, b): between_maps(submaps[a], submaps[b], r) for (a, b), r in network.results.items()},
+        results={(a, b): between_maps(submaps[a], submaps[b], r) for (a, b), r in graph.results.items()},
     )
 
 
@@ -64,8 +64,7 @@ def _moved(a: Submap, b: Submap, alternative: Alternative) -> Alternative:
 
 
 def deviations(T_a_b: Array, covariance: Array) -> Array:
-    """Standard deviations ``(3,)`` of the numbers x, y and yaw of a pose, from its right tangent's
-    covariance."""
+    """Standard deviations ``(3,)`` of a pose's x, y and yaw, from its body covariance ``(3, 3)``."""
     R = np.eye(3)
     R[:2, :2] = se2.rotation(T_a_b[2])
     return np.sqrt(np.diag(R @ covariance @ R.T))

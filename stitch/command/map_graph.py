@@ -1,4 +1,4 @@
-"""Any number of maps: every pair stitched, the stitches judged together in a pose graph."""
+"""A pose graph of any number of maps: every pair stitched, contradictory stitches rejected."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from slam.se2 import Array
 from stitch.alignment.result import NoStitch, Stitch
 
 Pair = tuple[int, int]
-KEPT = 0.5
-"""Weight above which graduated non-convexity has kept a stitch."""
+MIN_WEIGHT = 0.5
+"""Graduated non-convexity leaves weights near 0 or 1: stitches below this are rejected."""
 
 
 @dataclass(frozen=True)
-class Network:
+class MapGraph:
     """Maps joined to the first one.
 
-    ``members`` are the indices of the maps joined, the first of all maps first; ``poses (M, 3)`` theirs in
-    its frame, ``covariances (M, 3, 3)``; ``results`` of all pairs tried; ``trusted`` the pairs whose
-    stitches hold it together.
+    ``members``: indices of the M maps joined, in ascending order; ``poses (M, 3)``: theirs in the frame of
+    the first; ``covariances (M, 3, 3)``; ``results`` of all pairs tried; ``trusted``: the pairs whose
+    stitches are the edges.
     """
 
     members: tuple[int, ...]
@@ -37,8 +37,8 @@ class Network:
     trusted: frozenset[Pair]
 
 
-def join(count: int, stitch: Callable[[int, int], Stitch | NoStitch]) -> Network:
-    """Stitch every pair of ``count`` maps and join those that hang together with the first.
+def join(count: int, stitch: Callable[[int, int], Stitch | NoStitch]) -> MapGraph:
+    """Stitch every pair of ``count`` maps and join those that are connected with the first.
 
     Stitches that contradict the others are switched off (graduated non-convexity, Yang et al. 2020). Where a
     contradiction leaves one chain of stitches against one stitch, nobody can tell which of them is false, and
@@ -52,28 +52,29 @@ def join(count: int, stitch: Callable[[int, int], Stitch | NoStitch]) -> Network
         trusted = [pair for pair in trusted if pair[0] in members]
         graph = _graph(members, {pair: edges[pair] for pair in trusted})
         solution = optimise(graph)
-        refused = [pair for pair, weight in zip(trusted, solution.weights, strict=True) if weight < KEPT]
-        if not refused:
+        rejected = [
+            pair for pair, weight in zip(trusted, solution.weights, strict=True) if weight < MIN_WEIGHT
+        ]
+        if not rejected:
             break
-        kept = [pair for pair in trusted if pair not in refused]
-        trusted = [pair for pair in kept if pair not in undecided(count, kept, refused)]
+        kept = [pair for pair in trusted if pair not in rejected]
+        trusted = [pair for pair in kept if pair not in undecided(count, kept, rejected)]
     covariances = marginals(graph, solution)
-    return Network(tuple(members), solution.poses, covariances, results, frozenset(trusted))
+    return MapGraph(tuple(members), solution.poses, covariances, results, frozenset(trusted))
 
 
 def reached(count: int, pairs: Sequence[Pair], start: int = 0) -> list[int]:
-    """Maps of ``count`` that hang together with ``start`` over ``pairs``, in ascending order."""
+    """Maps of ``count`` that are connected with ``start`` by ``pairs``, in ascending order."""
     _, label = connected_components(_adjacency(count, pairs), directed=False)
     return np.flatnonzero(label == label[start]).tolist()
 
 
-def undecided(count: int, kept: Sequence[Pair], refused: Sequence[Pair]) -> set[Pair]:
-    """Kept stitches that are the only ones to speak against a refused one: its ends hang together by them
-    alone."""
+def undecided(count: int, kept: Sequence[Pair], rejected: Sequence[Pair]) -> set[Pair]:
+    """Kept stitches without which the two maps of a rejected one would no longer be connected."""
     return {
         pair
         for pair in kept
-        for i, j in refused
+        for i, j in rejected
         if j in reached(count, kept, i) and j not in reached(count, [p for p in kept if p != pair], i)
     }
 
@@ -84,7 +85,7 @@ def _adjacency(count: int, pairs: Sequence[Pair]) -> coo_array:
 
 
 def _graph(members: list[int], edges: dict[Pair, Stitch]) -> PoseGraph:
-    """The graph over the members, every edge in doubt, started along the shortest chains from the first."""
+    """The graph over the members, every edge a loop, with poses along the shortest chains from the first."""
     index = {member: k for k, member in enumerate(members)}
     pairs = [(index[a], index[b]) for a, b in edges]
     T = {pair: stitch.T_a_b for pair, stitch in zip(pairs, edges.values(), strict=True)}

@@ -13,7 +13,7 @@ from slam.mapping.submap import Submap
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.walls import surfaces
 
-LEAST_WALLS = 10
+MIN_WALLS = 10
 """Occupied cells below which there is nothing to align."""
 MAX_SEARCH = 25_000_000
 """Cells that a search may have: two maps side by side, turned as they may be."""
@@ -28,10 +28,10 @@ def read_submap(path: Path) -> Submap:
     """
     grid, T_map_anchor = ros_map.read_cells(path)
     walls = int(grid.occupied.sum())
-    if walls < LEAST_WALLS:
+    if walls < MIN_WALLS:
         height, width = grid.occupied.shape
-        found = f"{walls} occupied of {width} x {height} cells"
-        raise FormatError(f"{found}, expected at least {LEAST_WALLS} to align", path)
+        message = f"{walls} occupied of {width} x {height} cells, expected at least {MIN_WALLS} to align"
+        raise FormatError(message, path)
     known = cropped(grid)
     return Submap(0, 1, T_map_anchor, surfaces(known), known)
 
@@ -57,9 +57,5 @@ def cropped(grid: Grid) -> Grid:
     (top, bottom), (left, right) = (np.flatnonzero(known.any(axis=axis))[[0, -1]] + (0, 1) for axis in (1, 0))
     part = np.s_[top:bottom, left:right]
     origin = grid.origin + np.array([left, top]) * grid.resolution
-    return Grid(
-        np.ascontiguousarray(grid.occupied[part]),
-        np.ascontiguousarray(grid.free[part]),
-        origin,
-        grid.resolution,
-    )
+    occupied, free = (np.ascontiguousarray(cells[part]) for cells in (grid.occupied, grid.free))
+    return Grid(occupied, free, origin, grid.resolution)

@@ -38,7 +38,7 @@ def _outline(grid: Grid) -> Array:
     return grid.origin + np.concatenate(corners) * grid.resolution
 
 
-def placed(grid: Grid, T: Array, onto: Grid) -> Grid:
+def place(grid: Grid, T: Array, onto: Grid) -> Grid:
     """A grid moved by ``T (3,)`` onto the cells of another.
 
     Occupied cells are moved as points, dense enough to leave no holes; free space is looked up from the
@@ -67,7 +67,7 @@ def _dense_points(grid: Grid, spacing: float) -> Array:
     return (grid.occupied_points()[:, None] + np.stack([dx, dy], -1)).reshape(-1, 2)
 
 
-def merged(layers: Sequence[Grid]) -> Grid:
+def merge(layers: Sequence[Grid]) -> Grid:
     """Grids of one canvas as one: a cell is occupied where any of them is, and else free where any is.
 
     Where the maps contradict each other the wall stays: somebody may want to drive there.

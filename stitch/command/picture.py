@@ -12,14 +12,14 @@ import numpy as np
 from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 from stitch.alignment.raster import dilated
-from stitch.command.merge import canvas, placed
+from stitch.command.merge import canvas, place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 """Of the maps, in turn (Okabe & Ito 2008: told apart by the colour-blind)."""
-SHARED = "#000000"
+OVERLAP_COLOUR = "#000000"
 OPEN, OPEN_TO_MANY = "#F4F4F4", "#DEDEDE"
 PIXELS = 1000
 """Cells of the longer side at most: every cell is a pixel at least, so that no wall gets lost."""
@@ -32,11 +32,11 @@ BAR, LEGEND_ROW, PER_ROW = 0.4, 0.3, 3
 def draw(names: Sequence[str], grids: Sequence[Grid], poses: Sequence[Array], resolution: float) -> bytes:
     """PNG of ``grids`` at ``poses``, each ``(3,)``, in the frame of the first, with a legend and a scale bar.
 
-    Walls are shared where another map has one within a cell (after the report's figure 5.14).
+    Walls are shared where another map has one within a cell (after the thesis's figure 5.14).
     """
     x_min, x_max, y_min, y_max = canvas(grids, poses, resolution).extent
     onto = canvas(grids, poses, max(resolution, (x_max - x_min) / PIXELS, (y_max - y_min) / PIXELS))
-    return _png(_coloured([placed(grid, T, onto) for grid, T in zip(grids, poses, strict=True)]), onto, names)
+    return _png(_coloured([place(grid, T, onto) for grid, T in zip(grids, poses, strict=True)]), onto, names)
 
 
 def _coloured(layers: Sequence[Grid]) -> np.ndarray:
@@ -47,11 +47,11 @@ def _coloured(layers: Sequence[Grid]) -> np.ndarray:
     cells = np.ones((*seen_by.shape, 3), dtype=np.float32)
     cells[seen_by == 1], cells[seen_by > 1] = to_rgb(OPEN), to_rgb(OPEN_TO_MANY)
     near = [dilated(layer.occupied) for layer in layers]
-    having = np.sum(near, axis=0)
+    count = np.sum(near, axis=0)
     for k, layer in enumerate(layers):
         cells[layer.occupied] = to_rgb(COLOURS[k % len(COLOURS)])
     for layer, own in zip(layers, near, strict=True):
-        cells[layer.occupied & (having - own > 0)] = to_rgb(SHARED)
+        cells[layer.occupied & (count - own > 0)] = to_rgb(OVERLAP_COLOUR)
     return cells
 
 
@@ -65,7 +65,8 @@ def _png(cells: np.ndarray, onto: Grid, names: Sequence[str]) -> bytes:
     shared = "walls in both" if len(names) == 2 else "walls in several"
     colours = [COLOURS[k % len(COLOURS)] for k in range(len(names))]
     patches = [
-        Patch(color=c, label=name) for c, name in zip([*colours, SHARED], [*names, shared], strict=True)
+        Patch(color=c, label=name)
+        for c, name in zip([*colours, OVERLAP_COLOUR], [*names, shared], strict=True)
     ]
     foot = BAR + LEGEND_ROW * math.ceil(len(patches) / PER_ROW)
     figure = Figure(figsize=(wide, tall + foot))
@@ -92,6 +93,8 @@ def _scale_bar(figure: Figure, per_metre: float, middle: tuple[float, float]) ->
     x, y = middle
     inches = figure.dpi_scale_trans
     figure.add_artist(
-        Line2D([x - half, x + half], [y, y], color=SHARED, linewidth=2.0, marker="|", transform=inches)
+        Line2D(
+            [x - half, x + half], [y, y], color=OVERLAP_COLOUR, linewidth=2.0, marker="|", transform=inches
+        )
     )
     figure.text(x + half + 0.1, y, f"{length:g} m", va="center", fontsize=9, transform=inches)

@@ -83,7 +83,31 @@ def walk(rng: np.random.Generator, x0: float, x1: float, n: int = 40) -> Array:
     return np.stack([x, y, rng.uniform(-np.pi, np.pi, n)], -1)
 
 
+def pair(seed: int, overlap: float) -> tuple[Submap, Submap, Array]:
+    """Two submaps that share ``overlap`` m of a 30 m building, anchored far apart, and the truth."""
+    rng = np.random.default_rng(seed)
+    segments = rooms(rng)
+    anchors = np.array([[8.0, 9.0, rng.uniform(-3.0, 3.0)], [20.0, 9.0, rng.uniform(-3.0, 3.0)]])
+    walks = (walk(rng, 1.5, 15.0 + overlap / 2), walk(rng, 15.0 - overlap / 2, 28.5))
+    a, b = (see(segments, w, T, rng) for w, T in zip(walks, anchors, strict=True))
+    return a, b, se2.between(anchors[0], anchors[1])
+
+
+def stones() -> tuple[Submap, Submap, Array]:
+    """Two submaps of a field of stones, whose walls have no directions, and the truth."""
+    rng = np.random.default_rng(8)
+    sides = []
+    for x, y in rng.uniform(-6.0, 6.0, (40, 2)):
+        turn, size = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.2, 0.5)
+        corner = [x, y] + size * np.stack([np.cos(turn + np.arange(6)), np.sin(turn + np.arange(6))], -1)
+        sides += [[*p, *q] for p, q in zip(corner, np.roll(corner, -1, axis=0), strict=True)]
+    poses = np.column_stack([rng.uniform(-4.0, 4.0, (30, 2)), rng.uniform(-3.0, 3.0, 30)])
+    anchors = np.array([[0.0, 1.0, 0.4], [2.0, -1.0, 2.3]])
+    a, b = (see(np.array(sides), poses, anchor, rng) for anchor in anchors)
+    return a, b, se2.between(anchors[0], anchors[1])
+
+
 @pytest.fixture(scope="session")
 def plan() -> dict[str, Callable[..., Any]]:
     """The builders above, by name."""
-    return {f.__name__: f for f in (box, rooms, cast, see, walk, scan_of)}
+    return {f.__name__: f for f in (box, rooms, cast, see, walk, scan_of, pair, stones)}

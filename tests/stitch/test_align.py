@@ -18,7 +18,7 @@ from stitch.alignment.config import Acceptance, PriorConfig, RefinementConfig
 from stitch.alignment.joint import search
 from stitch.alignment.raster import walls_of
 from stitch.published.htms import dominant_direction
-from stitch.published.pair import pair as pair_of
+from stitch.published.pair import pair
 
 CORRELATION = AlignConfig(refinement=RefinementConfig(enabled=False))
 ANYTHING = Acceptance(
@@ -39,24 +39,14 @@ def error(T_true: np.ndarray, T: np.ndarray) -> tuple[float, float]:
     return float(np.hypot(xi[0], xi[1])), abs(float(xi[2]))
 
 
-def pair(plan: dict[str, Any], seed: int, overlap: float) -> tuple[Submap, Submap, np.ndarray]:
-    """Two submaps that share ``overlap`` m of a 30 m building, anchored far apart, and the truth."""
-    rng = np.random.default_rng(seed)
-    segments = plan["rooms"](rng)
-    anchors = np.array([[8.0, 9.0, rng.uniform(-3.0, 3.0)], [20.0, 9.0, rng.uniform(-3.0, 3.0)]])
-    walks = (plan["walk"](rng, 1.5, 15.0 + overlap / 2), plan["walk"](rng, 15.0 - overlap / 2, 28.5))
-    a, b = (plan["see"](segments, w, T, rng) for w, T in zip(walks, anchors, strict=True))
-    return a, b, se2.between(anchors[0], anchors[1])
-
-
 @pytest.fixture(scope="module")
 def near(plan: dict[str, Any]) -> tuple[Submap, Submap, np.ndarray]:
-    return pair(plan, 0, 8.0)
+    return plan["pair"](0, 8.0)
 
 
 @pytest.fixture(scope="module")
 def strangers(plan: dict[str, Any]) -> tuple[Submap, Submap]:
-    return pair(plan, 1, 8.0)[0], pair(plan, 2, 8.0)[1]
+    return plan["pair"](1, 8.0)[0], plan["pair"](2, 8.0)[1]
 
 
 def refused_though_believed(a: Submap, b: Submap) -> str:
@@ -80,7 +70,7 @@ def shifted(submap: Submap, T: np.ndarray) -> Submap:
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("overlap", [4.0, 12.0])
 def test_known_poses_are_recovered_without_a_guess(plan: dict[str, Any], seed: int, overlap: float) -> None:
-    a, b, T_true = pair(plan, seed, overlap)
+    a, b, T_true = plan["pair"](seed, overlap)
     climbed, answer = align(a, b, config=CORRELATION), align(a, b)
     assert isinstance(climbed, Stitch), climbed
     assert isinstance(answer, Stitch), answer
@@ -166,7 +156,7 @@ def test_different_buildings_are_refused(strangers: tuple[Submap, Submap]) -> No
 
 
 def test_parts_that_never_meet_are_refused(plan: dict[str, Any]) -> None:
-    a, b, _ = pair(plan, 4, -14.0)
+    a, b, _ = plan["pair"](4, -14.0)
     assert isinstance(align(a, b, config=CORRELATION), NoStitch)
 
 
@@ -260,16 +250,7 @@ def test_covariance_is_symmetric_and_positive(near: tuple[Submap, Submap, np.nda
 
 
 def test_a_map_without_straight_lines_is_found_around_the_prior_and_alone(plan: dict[str, Any]) -> None:
-    rng = np.random.default_rng(8)
-    stones = []
-    for x, y in rng.uniform(-6.0, 6.0, (40, 2)):
-        turn, size = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.2, 0.5)
-        corner = [x, y] + size * np.stack([np.cos(turn + np.arange(6)), np.sin(turn + np.arange(6))], -1)
-        stones += [[*p, *q] for p, q in zip(corner, np.roll(corner, -1, axis=0), strict=True)]
-    poses = np.column_stack([rng.uniform(-4.0, 4.0, (30, 2)), rng.uniform(-3.0, 3.0, 30)])
-    anchors = np.array([[0.0, 1.0, 0.4], [2.0, -1.0, 2.3]])
-    a, b = (plan["see"](np.array(stones), poses, anchor, rng) for anchor in anchors)
-    T_true = se2.between(anchors[0], anchors[1])
+    a, b, T_true = plan["stones"]()
     guess = se2.compose(T_true, [0.3, 0.3, np.radians(7.0)])
     for prior in (Prior(guess, np.diag([0.5, 0.5, np.radians(5.0)]) ** 2), None):
         answer = align(a, b, prior, CORRELATION)
@@ -281,7 +262,7 @@ def test_htms_needs_a_large_overlap_and_never_refuses(
     plan: dict[str, Any], strangers: tuple[Submap, Submap]
 ) -> None:
     """The thesis's finding: rotation right, translation right only where the maps overlap much."""
-    a, b, T_true = pair(plan, 5, 24.0)
+    a, b, T_true = plan["pair"](5, 24.0)
     told = Prior(np.array([0.0, 0.0, T_true[2] + 0.2]), COVARIANCE)  # its translation is not read
     answer = align(a, b, told, HTMS)
     assert isinstance(answer, Stitch)
@@ -294,7 +275,7 @@ def test_htms_needs_a_large_overlap_and_never_refuses(
 
 def test_htms_takes_the_smallest_rotation_of_four(plan: dict[str, Any]) -> None:
     """The thesis's section 4.3; the four hypotheses of its figure 3.11 are all returned."""
-    a, b, _ = pair(plan, 5, 24.0)
+    a, b, _ = plan["pair"](5, 24.0)
     alone = align(a, b, config=HTMS)
     assert isinstance(alone, Stitch)
     turns = np.abs([alone.T_a_b[2], *(other.T_a_b[2] for other in alone.alternatives)])
@@ -307,7 +288,7 @@ def test_htms_takes_the_smallest_rotation_of_four(plan: dict[str, Any]) -> None:
 
 def test_the_dominant_direction_is_that_of_the_walls(near: tuple[Submap, Submap, np.ndarray]) -> None:
     """htms correlates along it: the building's axes, in the frame of the map."""
-    maps = pair_of(near[0], near[1], HTMS)
+    maps = pair(near[0], near[1], HTMS)
     assert not isinstance(maps, NoStitch)
     direction = dominant_direction(maps.spectra(180, split=False)[0])
     off = np.sin(2.0 * (direction + near[0].anchor[2]))

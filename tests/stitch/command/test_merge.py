@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slam.mapping.occupancy import Grid
-from stitch.command.merge import canvas, merged, placed
+from stitch.command.merge import canvas, merge, place
 
 
 def grid_of(picture: str, resolution: float = 0.5, origin: tuple[float, float] = (0.0, 0.0)) -> Grid:
@@ -23,7 +23,7 @@ def picture_of(grid: Grid) -> list[str]:
 def together(a: Grid, b: Grid, T_a_b: tuple[float, float, float], resolution: float = 0.5) -> Grid:
     poses = [np.zeros(3), np.array(T_a_b)]
     onto = canvas([a, b], poses, resolution)
-    return merged([placed(grid, T, onto) for grid, T in zip([a, b], poses, strict=True)])
+    return merge([place(grid, T, onto) for grid, T in zip([a, b], poses, strict=True)])
 
 
 def test_shifted_by_whole_cells():
