@@ -123,7 +123,7 @@ def fit_rigid(matches: Matches, config: AlignConfig) -> tuple[Array, int] | None
     T_a_b, count = poses[int(np.argmax(counts))], int(counts.max())
     while True:
         agree = _agree(matches, T_a_b[None], reach)[0]
-        refitted = umeyama(matches.a[agree], matches.b[agree])
+        refitted = se2.fit_rigid(matches.b[agree], matches.a[agree])
         grown = int(_agree(matches, refitted[None], reach).sum())
         if grown < count:
             return se2.compose(np.zeros(3), T_a_b), count
@@ -139,11 +139,3 @@ def _agree(matches: Matches, T_a_b: Array, reach: float) -> np.ndarray:
     a, b = (points[:, 0] + 1j * points[:, 1] for points in (matches.a, matches.b))
     missed = np.exp(1j * T_a_b[:, 2:]) * b + (T_a_b[:, :1] + 1j * T_a_b[:, 1:2]) - a
     return missed.real**2 + missed.imag**2 <= reach**2
-
-
-def umeyama(points_a: Array, points_b: Array) -> Array:
-    """Pose ``(3,)`` with the least squared error of b's points ``(n, 2)`` on a's; no scale (Umeyama 1991)."""
-    centre_a, centre_b = points_a.mean(axis=0), points_b.mean(axis=0)
-    a, b = points_a - centre_a, points_b - centre_b
-    yaw = np.arctan2(np.sum(b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]), np.sum(b * a))
-    return np.array([*(centre_a - se2.rotation(yaw) @ centre_b), yaw])
