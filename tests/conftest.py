@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -164,3 +165,26 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip("real recordings not found: expected the folder ../shared/data beside the checkout")
     return SHARED_DATA
+
+
+EXPECTED_SKIPS = (
+    "real recordings not found",  # the folder is not part of the repository
+    "real recording not found",
+    "rerun-sdk is not installed",  # extras that the tests do not install
+    "could not import 'small_gicp'",
+    "no browser",  # where Debian's packages cannot be reached
+)
+"""What a skip's reason may begin with where ``CI`` is set; any other means that a test has got lost."""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """An unexpected skip fails in continuous integration."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None or not os.environ.get("CI"):
+        return
+    reasons = {report.longrepr[2].removeprefix("Skipped: ") for report in reporter.stats.get("skipped", [])}
+    lost = sorted(reason for reason in reasons if not reason.startswith(EXPECTED_SKIPS))
+    if lost:
+        reporter.write_line(f"unexpected skips: {'; '.join(lost)}", red=True)
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

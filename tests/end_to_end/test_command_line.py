@@ -82,7 +82,7 @@ def test_the_table_shows_every_number_whole(done):
     assert re.search(r"metric +unit +ins +icp +wsm +htms +slamstitch", table)
     for name in {m["metric"] for m in metrics if m["value"] is not None}:
         (row,) = re.findall(rf"^ +{name} [ ↓↑].*$", table, re.MULTILINE)
-        assert len(re.findall(r"(?<=\s)(–|-?\d+(\.\d+)?)(?=\s)", row)) == 5
+        assert len(re.findall(r"(?<=\s)(–|-?\d+(\.\d+)?)(?=\s|$)", row)) == 5
     assert table.splitlines()[-1] == str(done.folder / "report.html")
 
 

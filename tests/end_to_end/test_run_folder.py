@@ -65,7 +65,7 @@ def test_config_tells_the_command_and_every_parameter(done, drive):
     assert config["command"] == f"python -m scenarios.run {drive} --out {done.folder.parent}"
     assert set(config["options"]) == {field.name for field in fields(Options)}
     assert set(config["methods"]) == {field.name for field in fields(MethodConfig)}
-    assert config["methods"]["loops"]["align"]["acceptance"]["min_lead"] > 0.0
+    assert config["methods"]["slam"]["loops"]["align"]["acceptance"]["min_lead"] > 0.0
     assert config["scenario"] == {}
 
 
@@ -83,7 +83,7 @@ def test_environment_tells_versions_and_the_cost_of_every_stage(done):
     environment = strict(done.folder / "environment.json")
     assert re.match(r"\d+\.\d+", environment["packages"]["numpy"])
     assert environment["cores"] >= 1
-    assert list(environment["stages"]) == ["read", "rehearse", *METHODS, "evaluate", "report"]
+    assert list(environment["stages"]) == ["read", "warm up", *METHODS, "evaluate", "report"]
     for cost in environment["stages"].values():
         assert cost["wall_s"] > 0.0
         assert cost["peak_mb"] is None or cost["peak_mb"] > 10.0
@@ -227,7 +227,7 @@ def test_a_run_that_dies_leaves_nothing_and_the_one_before_it(
     assert command(drive, "--methods", "ins", "--out", tmp_path / "old").code == 0
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "old").rglob("*")}
     if stage == "method":
-        monkeypatch.setitem(methods.METHODS, "ins", die)
+        monkeypatch.setitem(methods.METHODS, "ins", methods.Method("ins", die))
     else:
         monkeypatch.setattr(write, "write_submaps", die)
     attempt(tmp_path / "new" / "runs")

@@ -291,7 +291,7 @@ def test_no_trial_imports_what_the_version_leaves_out() -> None:
         "import sys; import scenarios.ablate.method_variants, scenarios.ablate.stitching_trials;"
         "import scenarios.evaluation;"
         "import stitch.mapping.offline, scenarios.methods.htms, scenarios.methods.oracle;"
-        "import scenarios.source, scenarios.rehearsal, scenarios.sweep.attempt, sim.record;"
+        "import scenarios.source, scenarios.methods.warm_up, scenarios.sweep.attempt, sim.record;"
         "print(*(m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)), sep='\\n')"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
