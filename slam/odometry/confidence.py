@@ -6,7 +6,7 @@ answered, counts as +inf.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 
@@ -138,12 +138,12 @@ MEASURES: dict[str, Callable[[MatchStatistics], Array]] = {
 }  # fmt: skip
 
 
-def compute_measures(statistics: MatchStatistics) -> dict[str, Array]:
-    """Every measure as a column ``(N,)``: +inf where a match was tried and failed, NaN where none was
-    tried or there is nothing to measure it by."""
+def compute_measures(statistics: MatchStatistics, names: Collection[str] | None = None) -> dict[str, Array]:
+    """Every measure, or those of these ``names``, as a column ``(N,)``: +inf where a match was tried and
+    failed, NaN where none was tried or there is nothing to measure it by."""
     table = {}
-    for name, measure in MEASURES.items():
-        values = measure(statistics)
+    for name in [name for name in MEASURES if names is None or name in names]:
+        values = MEASURES[name](statistics)
         values = np.where(statistics.failed & np.isnan(values), np.inf, values)
         table[name] = np.where(statistics.tried, values, np.nan)
     return table

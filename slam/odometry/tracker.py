@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -211,12 +211,13 @@ class Tracker:
         """Poses ``(n, 3)`` of the scans so far."""
         return self._steps.poses[: self._count]
 
-    def track(self, since: int = 0) -> Track:
-        """The track of scans ``since`` to the last one so far."""
+    def track(self, since: int = 0, measures: Collection[str] | None = None) -> Track:
+        """The track of scans ``since`` to the last one so far, with all measures of confidence or some."""
         steps, part = self._steps, slice(since, self._count)
         return Track(
             steps.poses[part], steps.verdict[part], steps.reference[part], steps.covariance[part],
-            steps.information[part], steps.matches[part], compute_measures(steps.statistics[part]),
+            steps.information[part], steps.matches[part],
+            compute_measures(steps.statistics[part], measures),
         )  # fmt: skip
 
     def _has_moved(self, k: int) -> bool:

@@ -200,7 +200,7 @@ class OnlineMapper:
     def _pose(self, k: int) -> Pose:
         """Pose of scan k: the last node's, and the tracker's step from there."""
         j, row = len(self._nodes) - 1, self._nodes[-1].row
-        since = self.tracker.track(row)
+        since = self.tracker.track(row, ())
         step = se2.between(since.poses[0], since.poses[-1])
         covariance = self.graph.marginal(j)
         if k > row:
@@ -226,7 +226,7 @@ class OnlineMapper:
         j = len(self._nodes)
         if j > 0:
             self._tie(j - 1, j, np.array([self._nodes[-1].row, k]))
-        usable = bool(self.tracker.track(k).verdict[0] != Verdict.FELL_BACK)
+        usable = bool(self.tracker.track(k, ()).verdict[0] != Verdict.FELL_BACK)
         submap = -1 if self._open is None else len(self.submap_graph.submaps)
         self._nodes.append(_Node(k, Reference(self._scans[k]), usable, submap))
         self._match_node(j)
@@ -268,7 +268,8 @@ class OnlineMapper:
 
     def _begins_submap(self, k: int) -> bool:
         """End the submap being driven where confidence is lost or it is long enough; does another begin?"""
-        recent = self.tracker.track(max(0, k + 1 - self.config.online.loss_window))
+        first = max(0, k + 1 - self.config.online.loss_window)
+        recent = self.tracker.track(first, (self.config.segmentation.measure,))
         resting = recent.verdict[-1] == Verdict.SKIPPED
         self._steady = self._steady if resting else not lost_steps(recent, self.config.segmentation)[-1]
         if not self._steady:
@@ -298,7 +299,7 @@ class OnlineMapper:
         drawn = np.array([node.row for node in inside if node.usable])
         resolution = self.config.submaps.resolution
         submap = cut(self.measurements, self._scans, self.tracker.poses, start, stop, drawn, resolution)
-        self.submap_graph.add(submap, self.tracker.track())
+        self.submap_graph.add(submap, self.tracker.track(0, ()))
         self._queue_candidates(number)
 
     def _owner(self, start: int, stop: int) -> int:
