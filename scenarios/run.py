@@ -20,7 +20,7 @@ from scenarios.options import check_seed, parse_names
 from slam.cli import POSE, InputError, Pose, main
 
 if TYPE_CHECKING:
-    from scenarios.evaluation import Metric
+    from scenarios.evaluation.metric import Metric
     from scenarios.methods.config import MethodConfig
     from scenarios.run_folder.run import Run
     from scenarios.source import Source

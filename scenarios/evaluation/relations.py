@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenarios.evaluation.metric import Metric, measured, missing
+from scenarios.evaluation.metric import Definition, Values, absent
 from slam import se2
 from slam.recording import Odometry, Recording, Relations
 from slam.se2 import Array
@@ -24,9 +25,20 @@ TURN_LENGTH = 0.05
 GMapping's answer on the Intel log scores 0.0447 m with it and 0.0453 m without.
 """
 
-PARTS = ("trans_mean", "trans_std", "rot_mean", "rot_std")
-ALL = tuple(f"relation_{part}" for part in PARTS)
-CLEAR = tuple(f"relation_clear_{part}" for part in PARTS)
+PARTS = {
+    "trans_mean": ("m", "translation error of the relations, mean"),
+    "trans_std": ("m", "translation error of the relations, standard deviation"),
+    "rot_mean": ("deg", "rotation error of the relations, mean"),
+    "rot_std": ("deg", "rotation error of the relations, standard deviation"),
+}
+_BLIND = "Walls and free space; a relation is judged by poses carried between scans by dead reckoning."
+_CLEAR = "The same, and the relations it leaves out: those come from stretches where the log is densest."
+ALL = {f"relation_{part}": Definition(unit, "lower", words, _BLIND) for part, (unit, words) in PARTS.items()}
+CLEAR = {
+    f"relation_clear_{part}": Definition(unit, "lower", f"{words}, unambiguous stamps only", _CLEAR)
+    for part, (unit, words) in PARTS.items()
+}
+DEFINITIONS = ALL | CLEAR
 
 
 @dataclass(frozen=True)
@@ -119,32 +131,31 @@ def relation_pairs(recording: Recording) -> RelativePoses | None:
     return None
 
 
-def relation_metrics(
-    method: str, poses: Array, recording: Recording, pairs: RelativePoses | None
-) -> list[Metric]:
+def relation_metrics(poses: Array, recording: Recording, pairs: RelativePoses | None) -> Values:
     """Mean and standard deviation of the errors of ``poses (N, 3)`` over all and over the clear relations.
 
     Relations of a file are between poses of the laser: they were made by aligning its scans by hand
     (Kümmerle et al. 2009). Those from truth are between the robot's.
     """
     if pairs is None:
-        return missing(method, ALL + CLEAR, "the recording has neither relations nor truth of two scans")
+        return absent(DEFINITIONS, "the recording has neither relations nor truth of two scans")
     at_rows = poses
     if recording.relations is not None:
         at_rows = se2.compose(carry(poses, _odometry(recording)), recording.laser.T_robot_laser)
     error = se2.between(pairs.T_12, se2.between(at_rows[pairs.rows[:, 0]], at_rows[pairs.rows[:, 1]]))
     translation, rotation = np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(se2.wrap(error[:, 2])))
-    metrics = measured(method, dict(zip(ALL, _summary(translation, rotation), strict=True)))
+    values = _summary(ALL, translation, rotation)
     if recording.relations is None:
-        return metrics + missing(method, CLEAR, "relations made from truth have no ambiguous stamps")
+        return values | absent(CLEAR, "relations made from truth have no ambiguous stamps")
     if not np.any(pairs.clear):
-        return metrics + missing(method, CLEAR, "every relation has an ambiguous stamp")
-    clear = _summary(translation[pairs.clear], rotation[pairs.clear])
-    return metrics + measured(method, dict(zip(CLEAR, clear, strict=True)))
+        return values | absent(CLEAR, "every relation has an ambiguous stamp")
+    return values | _summary(CLEAR, translation[pairs.clear], rotation[pairs.clear])
 
 
-def _summary(translation: Array, rotation: Array) -> tuple[float, float, float, float]:
-    return tuple(float(v) for v in (translation.mean(), translation.std(), rotation.mean(), rotation.std()))  # type: ignore[return-value]
+def _summary(names: Iterable[str], translation: Array, rotation: Array) -> Values:
+    return dict(
+        zip(names, (translation.mean(), translation.std(), rotation.mean(), rotation.std()), strict=True)
+    )
 
 
 def _odometry(recording: Recording) -> Odometry:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
-from scenarios.evaluation.definitions import DEFINITIONS, Definition
+from scenarios.evaluation import DEFINITIONS
+from scenarios.evaluation.metric import Definition
 from scenarios.run_folder.directory import METRICS_FILE
 from scenarios.run_folder.read import is_run, read_metrics
 from slam.cli import InputError

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarios.evaluation.metric import Metric
-from scenarios.evaluation.stitches import stitch_error
+from scenarios.evaluation.segmentation import stitch_error
 from scenarios.report import stitch_figures, trajectory_figures, world_figures
 from scenarios.report.alignment_evidence import AlignedPair
 from scenarios.report.style import pdf, png

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenarios.evaluation.definitions import DEFINITIONS
+from scenarios.evaluation import DEFINITIONS
 from scenarios.evaluation.metric import Metric
 from scenarios.report.method_attributes import BASELINE
 from slam.table import ABSENT, Bold, Table, number

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.evaluation.stitches import stitch_error
+from scenarios.evaluation.segmentation import stitch_error
 from slam.se2 import Array
 from stitch.align import Alternative, NoStitch, Prior, Stitch
 from stitch.mapping.estimate import Estimate, LoopCandidate

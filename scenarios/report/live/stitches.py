@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.evaluation.stitches import stitch_error
+from scenarios.evaluation.segmentation import stitch_error
 from scenarios.report.alignment_evidence import (
     AlignedPair,
     AxisSpectra,
