@@ -75,9 +75,9 @@ def align(poses: Array, truth: Array) -> Array:
     return np.array([*(mean_truth - se2.rotation(yaw) @ mean_pose), yaw])
 
 
-def aligned(poses: Array, truth: Array) -> Array:
-    """``poses (N, 3)`` moved onto ``truth (N, 3)`` by `align`."""
-    return se2.compose(align(poses, truth), poses)
+def aligned(poses: Array, truth: Array | None) -> Array:
+    """``poses (N, 3)`` moved onto ``truth (N, 3)`` by `align`; as they are without truth."""
+    return poses if truth is None else se2.compose(align(poses, truth), poses)
 
 
 def travelled_pairs(truth: Array, length: float, tolerance: float = RPE_TOLERANCE) -> np.ndarray:

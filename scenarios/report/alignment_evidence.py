@@ -78,41 +78,63 @@ class AlignedPair:
     @classmethod
     def of(cls, estimate: Estimate, candidate: LoopCandidate) -> AlignedPair:
         """The pair of a candidate; for methods of `MERGING` a is the map of all submaps before b."""
+        result = candidate.result if isinstance(candidate.result, Stitch) else candidate.result.best
         merges = estimate.method in MERGING
-        a = merged_walls(estimate, candidate.b) if merges else walls_of(estimate, candidate.a)
-        return cls(a, walls_of(estimate, candidate.b), before(estimate, candidate), pose_of(candidate))
+        return cls(
+            merged_walls(estimate, candidate.b) if merges else _walls_of(estimate, candidate.a),
+            _walls_of(estimate, candidate.b),
+            _before(estimate, candidate),
+            None if result is None else result.T_a_b,
+        )
 
     @property
     def complete(self) -> bool:
         """Whether there is an alignment, and walls on both sides."""
         return self.T_a_b is not None and len(self.a.points) > 0 and len(self.b.points) > 0
 
+    @property
+    def alignment(self) -> Array:
+        """``T_a_b``. Raises ``ValueError`` where there is none."""
+        if self.T_a_b is None:
+            raise ValueError("the pair has no alignment")
+        return self.T_a_b
 
-def state_of(candidate: LoopCandidate, false: bool | None) -> State:
-    """What became of a candidate, of which truth says whether it is ``false``, None without truth."""
+    def rotation_correlation(self) -> Array:
+        """Circular cross-correlation ``(180,)`` of the Hough spectra, largest 1; bin k is a turn of b by
+        k°."""
+        correlation = cross_correlation(self.a.spectrum, self.b.spectrum)
+        return correlation / max(float(correlation.max()), np.finfo(float).tiny)
+
+    def axis_spectra(self) -> tuple[AxisSpectra, AxisSpectra]:
+        """X and Y spectra once both maps are turned to the walls of a and to each other (thesis, section
+        3.5); ``shift`` is where the alignment puts b."""
+        T_a_b, direction = self.alignment, dominant_direction(self.a.spectrum)
+        turned_a = self.a.points @ se2.rotation(-direction).T
+        turned_b = self.b.points @ se2.rotation(T_a_b[2] - direction).T
+        shift = se2.rotation(-direction) @ T_a_b[:2]
+        x, y = (_along_axis(turned_a[:, k], turned_b[:, k], float(shift[k])) for k in (0, 1))
+        return x, y
+
+    def score_surface(self, config: AlignConfig) -> Correlation | None:
+        """Agreement and conflict for shifts within `REACH` of the alignment; None for more than single
+        submaps."""
+        a, b, T_a_b = self.a, self.b, self.alignment
+        if a.grid is None or b.grid is None:
+            return None
+        still = rasterise(a.points, a.grid, np.zeros(3), RESOLUTION)
+        moving = rasterise(b.points, b.grid, np.array([0.0, 0.0, T_a_b[2]]), RESOLUTION)
+        shape = padded_shape(still, [moving])
+        window = (T_a_b[:2] - REACH, T_a_b[:2] + REACH)
+        return correlate(spectra(still, shape), spectra(moving, shape), config.search.blur, window)
+
+
+def state_of(candidate: LoopCandidate, false: bool) -> State:
+    """What became of a candidate, which truth, where there is any, calls ``false``."""
     if not isinstance(candidate.result, Stitch):
         return "refused"
     if not candidate.accepted:
         return "rejected"
     return "false" if false else "accepted"
-
-
-def pose_of(candidate: LoopCandidate) -> Array | None:
-    """Where the stitch, or the best candidate of a refusal, has b in the frame of a."""
-    if isinstance(candidate.result, Stitch):
-        return candidate.result.T_a_b
-    return None if candidate.result.best is None else candidate.result.best.T_a_b
-
-
-def before(estimate: Estimate, candidate: LoopCandidate) -> Array:
-    """Where b was in the frame of a when the submaps were drawn."""
-    return se2.between(estimate.submaps[candidate.a].anchor, estimate.submaps[candidate.b].anchor)
-
-
-def walls_of(estimate: Estimate, k: int) -> Walls:
-    """The walls of one submap."""
-    grid = estimate.submaps[k].grid
-    return Walls(grid.occupied_points(), grid)
 
 
 def merged_walls(estimate: Estimate, b: int) -> Walls:
@@ -121,29 +143,20 @@ def merged_walls(estimate: Estimate, b: int) -> Walls:
     parts = [estimate.submaps[0].grid.occupied_points()]
     for other in estimate.stitches:
         if other.b < b:
-            T = other.result.T_a_b if isinstance(other.result, Stitch) else before(estimate, other)
+            T = other.result.T_a_b if isinstance(other.result, Stitch) else _before(estimate, other)
             parts.append(se2.transform(T, estimate.submaps[other.b].grid.occupied_points()))
     cells = np.unique(np.floor(np.concatenate(parts) / RESOLUTION).astype(np.int64), axis=0)
     return Walls((cells + 0.5) * RESOLUTION, None)
 
 
-def rotation_correlation(a: Walls, b: Walls) -> Array:
-    """Circular cross-correlation ``(180,)`` of the Hough spectra, largest 1; bin k is a turn of b by k°."""
-    correlation = cross_correlation(a.spectrum, b.spectrum)
-    return correlation / max(float(correlation.max()), np.finfo(float).tiny)
+def _walls_of(estimate: Estimate, k: int) -> Walls:
+    grid = estimate.submaps[k].grid
+    return Walls(grid.occupied_points(), grid)
 
 
-def axis_spectra(a: Walls, b: Walls, T_a_b: Array) -> tuple[AxisSpectra, AxisSpectra]:
-    """X and Y spectra once both maps are turned to the walls of a and to each other (thesis, section 3.5).
-
-    ``shift`` is where the alignment ``T_a_b`` puts b.
-    """
-    direction = dominant_direction(a.spectrum)
-    turned_a = a.points @ se2.rotation(-direction).T
-    turned_b = b.points @ se2.rotation(T_a_b[2] - direction).T
-    shift = se2.rotation(-direction) @ T_a_b[:2]
-    x, y = (_along_axis(turned_a[:, k], turned_b[:, k], float(shift[k])) for k in (0, 1))
-    return x, y
+def _before(estimate: Estimate, candidate: LoopCandidate) -> Array:
+    """Where b was in the frame of a when the submaps were drawn."""
+    return se2.between(estimate.submaps[candidate.a].anchor, estimate.submaps[candidate.b].anchor)
 
 
 def _along_axis(a: Array, b: Array, shift: float) -> AxisSpectra:
@@ -153,14 +166,3 @@ def _along_axis(a: Array, b: Array, shift: float) -> AxisSpectra:
     return AxisSpectra(
         counts_a, first_a * RESOLUTION, counts_b, first_b * RESOLUTION, correlation, float(shifts[0]), shift
     )
-
-
-def score_surface(a: Walls, b: Walls, T_a_b: Array, config: AlignConfig) -> Correlation | None:
-    """Agreement and conflict for shifts within `REACH` of an alignment; None for more than single submaps."""
-    if a.grid is None or b.grid is None:
-        return None
-    still = rasterise(a.points, a.grid, np.zeros(3), RESOLUTION)
-    moving = rasterise(b.points, b.grid, np.array([0.0, 0.0, T_a_b[2]]), RESOLUTION)
-    shape = padded_shape(still, [moving])
-    window = (T_a_b[:2] - REACH, T_a_b[:2] + REACH)
-    return correlate(spectra(still, shape), spectra(moving, shape), config.search.blur, window)

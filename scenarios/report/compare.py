@@ -1,31 +1,124 @@
-"""python -m scenarios.report RUN …: runs and sweeps side by side, printed and as a page."""
+"""python -m scenarios.report RUN …: runs and sweeps side by side, printed and as a page: all values of a
+metric over scenarios and methods, their median, and which drive was worst."""
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 import os
 import sys
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from statistics import median
 from urllib.parse import quote
 
-from scenarios.report.comparison import (
-    ComparisonCell,
-    MethodResult,
-    MetricComparison,
-    collect_results,
-    compare_metrics,
-)
-from scenarios.report.html import environment, own_style, theme_script
+from markupsafe import Markup
+
+from scenarios.evaluation import DEFINITIONS
+from scenarios.evaluation.metric import Definition
+from scenarios.report.html import own_style, template, theme_script
 from scenarios.report.method_attributes import colour_indices
-from scenarios.report.metrics_table import ARROWS
-from scenarios.report.strip_plot import strip_plot
+from scenarios.report.summary import ARROWS
+from scenarios.run_folder.directory import METRICS_FILE
+from scenarios.run_folder.read import is_run, read_metrics
+from slam.cli import InputError
 from slam.table import ABSENT, Bold, Table
 
 CHOSEN = ("ate_rmse", "relation_trans_mean", "map_f1", "stitches_false", "wall_s")
 """Metrics of the printed tables; the page has all."""
 NOTE = "median / worst over the drives; best median in bold"
+SWEEP_FILE, KEYS = "results.csv", ("scenario", "seed", "method")
+"""What a sweep writes: a row per drive and method, whose columns are these and one per metric."""
+ALL_SCENARIOS = "all"
+"""The row over all scenarios, where there is more than one."""
+LEFT, RIGHT, TOP, ROW, GAP, BOTTOM = 104.0, 400.0, 8.0, 13.0, 12.0, 26.0
+"""Ends of the axis, height of a row, between two scenarios and under the last, in the picture's units."""
+LOG_RATIO = 20.0
+"""The axis is logarithmic where the largest error or cost is so many times the smallest."""
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """One method on one drive: its metrics by name, the run's ``page`` where there is one, and the folder
+    they are from."""
+
+    scenario: str
+    seed: int
+    method: str
+    values: dict[str, float]
+    page: Path | None
+    source: str
+
+
+@dataclass(frozen=True)
+class ComparisonCell:
+    """The results of one method in one scenario that have the metric, in the order of their seeds.
+
+    ``best``: no other method has a better median here.
+    """
+
+    results: tuple[tuple[MethodResult, float], ...]
+    worst: tuple[MethodResult, float] | None
+    best: bool
+
+    @property
+    def median(self) -> float | None:
+        """Median of the values, None without any."""
+        return median(value for _, value in self.results) if self.results else None
+
+
+@dataclass(frozen=True)
+class MetricComparison:
+    """One metric: rows of scenarios, columns of methods."""
+
+    name: str
+    definition: Definition
+    methods: tuple[str, ...]
+    rows: tuple[tuple[str, tuple[ComparisonCell, ...]], ...]
+
+    @property
+    def values(self) -> list[float]:
+        """All values of all cells."""
+        return [value for _, cells in self.rows for cell in cells for _, value in cell.results]
+
+    @property
+    def best_methods(self) -> list[tuple[str, str]]:
+        """Scenarios, each with a method that has the best median there."""
+        return [
+            (scenario, method)
+            for scenario, cells in self.rows
+            for method, cell in zip(self.methods, cells, strict=True)
+            if cell.best
+        ]
+
+
+@dataclass(frozen=True)
+class Dot:
+    """A result in the plot; ``worst`` of its row, with a ``link`` to its page where it has one."""
+
+    x: float
+    y: float
+    method: int
+    result: MethodResult
+    value: float
+    worst: bool
+    link: str | None
+
+
+@dataclass(frozen=True)
+class StripPlot:
+    """Dots, the rows' scenarios (name, y), ticks of the axis (words, x), medians (method, x, y), height."""
+
+    dots: tuple[Dot, ...]
+    scenarios: tuple[tuple[str, float], ...]
+    ticks: tuple[tuple[str, float], ...]
+    medians: tuple[tuple[int, float, float], ...]
+    height: float
+    logarithmic: bool
 
 
 def run(folders: Sequence[Path], out: Path | None, form: str) -> str:
@@ -41,6 +134,91 @@ def run(folders: Sequence[Path], out: Path | None, form: str) -> str:
         out.write_text(page, encoding="utf-8")
     text = to_text(comparisons, form)
     return text if out is None or form != "table" else f"{text}\n\n{out}"
+
+
+def collect_results(folders: Sequence[Path]) -> list[MethodResult]:
+    """The results in all folders, each once, though a link leads there too.
+
+    Where a method has two results of the same drive, methods are told apart by the folder they are from.
+    Raises `InputError` for a folder that is neither a run nor a sweep.
+    """
+    results: list[MethodResult] = []
+    for folder in dict.fromkeys(map(Path.resolve, folders)):
+        if is_run(folder):
+            results += _of_run(folder)
+        elif (folder / SWEEP_FILE).is_file():
+            results += _of_sweep(folder)
+        else:
+            raise InputError(f"{folder}: expected a run, with {METRICS_FILE}, or a sweep, with {SWEEP_FILE}")
+    if not results:
+        raise InputError(f"{folders[0]}: holds no drive to compare")
+    counts = Counter((result.scenario, result.seed, result.method) for result in results)
+    if max(counts.values()) == 1:
+        return results
+    return [replace(result, method=f"{result.method} ({result.source})") for result in results]
+
+
+def _of_run(folder: Path) -> Iterator[MethodResult]:
+    content, metrics = read_metrics(folder)
+    page = folder / "report.html" if (folder / "report.html").is_file() else None
+    scenario, seed, source = str(content["recording"]), int(content["seed"]), folder.parent.name
+    for method in dict.fromkeys(metric.method for metric in metrics):
+        values = {m.name: m.value for m in metrics if m.method == method and m.value is not None}
+        yield MethodResult(scenario, seed, method, values, page, source)
+
+
+def _of_sweep(folder: Path) -> Iterator[MethodResult]:
+    path = folder / SWEEP_FILE
+    with path.open(newline="", encoding="utf-8") as file:
+        table = csv.DictReader(file)
+        absent = [key for key in KEYS if key not in (table.fieldnames or ())]
+        if absent:
+            raise InputError(f"{path}: expected a column {absent[0]!r}")
+        for row in table:
+            try:
+                values = {name: float(row[name]) for name in DEFINITIONS if row.get(name)}
+                seed = int(row["seed"])
+            except ValueError as error:
+                raise InputError(f"{path}:{table.line_num}: {error}") from error
+            finite = {name: value for name, value in values.items() if math.isfinite(value)}
+            yield MethodResult(row["scenario"], seed, row["method"], finite, None, folder.name)
+
+
+def compare_metrics(results: Sequence[MethodResult]) -> list[MetricComparison]:
+    """Every metric that any result has, in the order of their definitions."""
+    methods = tuple(dict.fromkeys(result.method for result in results))
+    scenarios = list(dict.fromkeys(result.scenario for result in results))
+    groups = [(name, [result for result in results if result.scenario == name]) for name in scenarios]
+    if len(groups) > 1:
+        groups.append((ALL_SCENARIOS, list(results)))
+    measured = {name for result in results for name in result.values}
+    return [
+        MetricComparison(
+            name,
+            definition,
+            methods,
+            tuple((scenario, _cells(name, definition, group, methods)) for scenario, group in groups),
+        )
+        for name, definition in DEFINITIONS.items()
+        if name in measured
+    ]
+
+
+def _cells(
+    name: str, definition: Definition, results: Sequence[MethodResult], methods: tuple[str, ...]
+) -> tuple[ComparisonCell, ...]:
+    sign = {"lower": 1.0, "higher": -1.0, None: 0.0}[definition.better]
+    cells = []
+    for method in methods:
+        ordered = sorted((r for r in results if r.method == method), key=lambda r: (r.scenario, r.seed))
+        measured = tuple((r, r.values[name]) for r in ordered if name in r.values)
+        worst = max(measured, key=lambda pair: sign * pair[1]) if measured and sign else None
+        cells.append(ComparisonCell(measured, worst, best=False))
+    medians = [sign * cell.median for cell in cells if cell.median is not None]
+    if not sign or len(set(medians)) < 2:
+        return tuple(cells)
+    top = min(medians)
+    return tuple(replace(c, best=c.median is not None and sign * c.median == top) for c in cells)
 
 
 def to_text(comparisons: Sequence[MetricComparison], form: str) -> str:
@@ -105,11 +283,9 @@ def _entries(comparisons: Sequence[MetricComparison]) -> list[dict[str, object]]
 
 def render(results: Sequence[MethodResult], comparisons: Sequence[MetricComparison], folder: Path) -> str:
     """The page of a comparison that is put into ``folder``, from which runs are linked."""
-    from markupsafe import Markup
-
     methods = list(dict.fromkeys(result.method for result in results))
     address = partial(link, folder=folder)
-    return environment().get_template("compare.html.j2").render(
+    return template("compare.html.j2").render(
         drives=len({(result.scenario, result.seed) for result in results}),
         scenarios=list(dict.fromkeys(result.scenario for result in results)),
         methods=methods,
@@ -130,3 +306,48 @@ def link(result: MethodResult, folder: Path) -> str | None:
     if result.page is None:
         return None
     return quote(Path(os.path.relpath(result.page, folder.resolve())).as_posix())
+
+
+def strip_plot(comparison: MetricComparison, link: Callable[[MethodResult], str | None]) -> StripPlot:
+    """The strip plot of a metric; ``link`` gives the address of a result's page."""
+    values = comparison.values
+    low, high = min(values), max(values)
+    logarithmic = comparison.definition.better != "higher" and low > 0.0 and high > LOG_RATIO * low
+    ticks = _decades(low, high) if logarithmic else _steps(min(low, 0.0), high)
+    place = _scale(ticks[0], ticks[-1], logarithmic)
+    dots, medians, scenarios, y = [], [], [], TOP
+    for scenario, cells in comparison.rows:
+        if scenario == ALL_SCENARIOS and len(comparison.rows) > 1:
+            continue
+        scenarios.append((scenario, y + ROW * len(cells) / 2))
+        for k, cell in enumerate(cells):
+            y += ROW
+            for result, value in cell.results:
+                worst = cell.worst is not None and cell.worst[0] is result
+                dots.append(Dot(place(value), y - ROW / 2, k, result, value, worst, link(result)))
+            if cell.median is not None:
+                medians.append((k, place(cell.median), y - ROW / 2))
+        y += GAP
+    labels = tuple((f"{tick:g}", place(tick)) for tick in ticks)
+    return StripPlot(tuple(dots), tuple(scenarios), labels, tuple(medians), y + BOTTOM, logarithmic)
+
+
+def _decades(low: float, high: float) -> list[float]:
+    return [10.0**k for k in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)]
+
+
+def _steps(low: float, high: float) -> list[float]:
+    """About five round numbers from below ``low`` to above ``high``."""
+    width = max(high - low, 1e-9) / 4.0
+    power = 10.0 ** math.floor(math.log10(width))
+    step = next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= width)
+    first, last = math.floor(low / step), math.ceil(high / step)
+    return [round(step * k, 12) for k in range(first, max(last, first + 1) + 1)]
+
+
+def _scale(low: float, high: float, logarithmic: bool) -> Callable[[float], float]:
+    def place(value: float) -> float:
+        a, b, v = map(math.log10, (low, high, value)) if logarithmic else (low, high, value)
+        return round(LEFT + (RIGHT - LEFT) * (v - a) / (b - a), 1)
+
+    return place

@@ -5,10 +5,8 @@ from __future__ import annotations
 import re
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import jinja2
+import jinja2
 
 HERE = Path(__file__).parent
 VENDOR, TEMPLATES = HERE / "vendor", HERE / "templates"
@@ -19,17 +17,16 @@ MODULES = (
 """Our scripts in the order they are read; what one defines, those after it use."""
 
 
-def environment(templates: Path = TEMPLATES) -> jinja2.Environment:
-    """Templates of a folder, in which everything is escaped that is not marked as safe."""
-    import jinja2
-
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(templates),
+def template(name: str) -> jinja2.Template:
+    """A template, in which everything is escaped that is not marked as safe."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    return environment.get_template(name)
 
 
 @cache

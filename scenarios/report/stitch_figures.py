@@ -4,23 +4,15 @@ stitch with its spectra (5.4, 5.5, 5.13) and its result (5.14). Each returns a m
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from scenarios.report.alignment_evidence import (
-    REACH,
-    RESOLUTION,
-    AlignedPair,
-    AxisSpectra,
-    Walls,
-    axis_spectra,
-    rotation_correlation,
-    score_surface,
-)
+from scenarios.report.alignment_evidence import REACH, RESOLUTION, AlignedPair, AxisSpectra
 from scenarios.report.method_attributes import MERGING
 from scenarios.report.style import FONT, WIDTH, fix_axes, set_title
 from slam import se2
@@ -30,14 +22,10 @@ from stitch.alignment.config import AlignConfig
 from stitch.alignment.translation import Correlation
 from stitch.mapping.estimate import Estimate, LoopCandidate
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 LAYOUT = {"left": 0.04, "right": 0.99, "bottom": 0.05, "top": 0.94, "wspace": 0.22, "hspace": 0.42}
 """Around and between the panels of one stitch, as shares of the figure and of a panel."""
-MAX_TILES = 60
-"""Tiles on a sheet."""
+MAX_TILES, COLUMNS = 60, 8
+"""Tiles on a sheet, and in a row."""
 SAME_WALL = 0.15
 """Walls of two submaps nearer than this [m] are in both: one cell of 0.1 m, also across its corner."""
 MAP_SHARE, TITLE_SHARE = 0.9, 0.16
@@ -56,10 +44,8 @@ class Tile:
 def draw_submaps(estimate: Estimate) -> Figure:
     """Every submap in its own frame (thesis, figure A.2)."""
     return draw_sheet(
-        [
-            Tile(f"{k}: {submap.start} to {submap.stop - 1}", ((submap.grid.occupied_points(), BLACK),))
-            for k, submap in enumerate(estimate.submaps)
-        ]
+        Tile(f"{k}: {submap.start} to {submap.stop - 1}", ((submap.grid.occupied_points(), BLACK),))
+        for k, submap in enumerate(estimate.submaps)
     )
 
 
@@ -69,21 +55,18 @@ def draw_accepted_stitches(estimate: Estimate, false: frozenset[int] = frozenset
     ``false`` are the indices into the estimate's stitches whose titles are red.
     """
     return draw_sheet(
-        [
-            _stitch_tile(estimate, stitch, VERMILLION if k in false else BLACK)
-            for k, stitch in enumerate(estimate.stitches)
-            if stitch.accepted
-        ]
+        _stitch_tile(estimate, stitch, VERMILLION if k in false else BLACK)
+        for k, stitch in enumerate(estimate.stitches)
+        if stitch.accepted
     )
 
 
 def _stitch_tile(estimate: Estimate, stitch: LoopCandidate, colour: str) -> Tile:
     """A stitch on a tile: a blue, b orange, both black."""
     pair = AlignedPair.of(estimate, stitch)
-    assert pair.T_a_b is not None
     a = f"0…{stitch.b - 1}" if estimate.method in MERGING else f"{stitch.a}"
-    layers = pair_layers(pair.a.points, se2.transform(pair.T_a_b, pair.b.points))
-    return Tile(f"{a} ← {stitch.b}", tuple((points, layer) for points, layer, _ in layers), colour)
+    layers = tuple((points, layer) for points, layer, _ in _aligned_layers(pair))
+    return Tile(f"{a} ← {stitch.b}", layers, colour)
 
 
 def draw_stitch(estimate: Estimate, stitch: LoopCandidate, config: AlignConfig) -> Figure:
@@ -91,13 +74,10 @@ def draw_stitch(estimate: Estimate, stitch: LoopCandidate, config: AlignConfig) 
 
     Raises ``ValueError`` without an alignment or walls to draw.
     """
-    from matplotlib.figure import Figure
-
     pair = AlignedPair.of(estimate, stitch)
-    a, b, T = pair.a, pair.b, pair.T_a_b
-    if T is None or not pair.complete:
+    if not pair.complete:
         raise ValueError(f"stitch {stitch.a}-{stitch.b} of {estimate.method} has no alignment to draw")
-    surface = score_surface(a, b, T, config)
+    surface = pair.score_surface(config)
     third = "after" if surface is None or surface.agreement.size == 0 else "surface"
     left = ["before", "after", third]
     figure = Figure(figsize=(WIDTH, 5.4))
@@ -108,19 +88,23 @@ def draw_stitch(estimate: Estimate, stitch: LoopCandidate, config: AlignConfig) 
     )
     for panel in ax.values():
         fix_axes(panel)
-    moved = se2.transform(pair.before, b.points)
-    _draw_walls(ax["before"], [(a.points, BLUE, "a"), (moved, ORANGE, "b")], "before")
-    _draw_walls(ax["after"], pair_layers(a.points, se2.transform(T, b.points)), "after")
+    moved = se2.transform(pair.before, pair.b.points)
+    _draw_walls(ax["before"], [(pair.a.points, BLUE, "a"), (moved, ORANGE, "b")], "before")
+    _draw_walls(ax["after"], _aligned_layers(pair), "after")
     ax["after"].legend(
         fontsize=FONT["tick"], frameon=False, ncols=3, markerscale=4, loc="lower right", borderpad=0.0,
         bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=0.8,
     )  # fmt: skip
     if surface is not None and third == "surface":
-        _draw_surface(ax["surface"], surface, T, config)
-    _draw_rotation(ax["spectra"], ax["turns"], a, b, T)
-    for name, axis in zip("XY", axis_spectra(a, b, T), strict=True):
+        _draw_surface(ax["surface"], surface, pair.alignment, config)
+    _draw_rotation(ax["spectra"], ax["turns"], pair)
+    for name, axis in zip("XY", pair.axis_spectra(), strict=True):
         _draw_axis(ax[name], ax[f"{name} shifts"], axis, name)
     return figure
+
+
+def _aligned_layers(pair: AlignedPair) -> list[tuple[Array, str, str]]:
+    return pair_layers(pair.a.points, se2.transform(pair.alignment, pair.b.points))
 
 
 def pair_layers(a: Array, b: Array) -> list[tuple[Array, str, str]]:
@@ -146,14 +130,13 @@ def _draw_walls(ax: Axes, layers: Sequence[tuple[Array, str, str]], title: str) 
     set_title(ax, title, "left")
 
 
-def _draw_rotation(above: Axes, below: Axes, a: Walls, b: Walls, T: Array) -> None:
+def _draw_rotation(above: Axes, below: Axes, pair: AlignedPair) -> None:
     """Hough spectra and their correlation (thesis, figures 5.4 and 5.13)."""
-    for walls, colour in ((a, BLUE), (b, ORANGE)):
+    for walls, colour in ((pair.a, BLUE), (pair.b, ORANGE)):
         above.plot(np.arange(len(walls.spectrum)), walls.spectrum, color=colour, linewidth=0.9)
     set_title(above, "Hough spectra [°]", "left")
-    below.plot(rotation_correlation(a, b), color=BLACK, linewidth=0.9)
-    turn = float(np.degrees(T[2]))
-    below.axvline(turn % 180.0, color=VERMILLION, linestyle=":", linewidth=1.2)
+    turn = float(np.degrees(pair.alignment[2]))
+    _draw_correlation(below, np.arange(180.0), pair.rotation_correlation(), turn % 180.0)
     set_title(below, f"correlation [°]: {turn:.1f}°", "left")
     for ax in (above, below):
         ax.set_xlim(0.0, 180.0)
@@ -169,9 +152,13 @@ def _draw_axis(left: Axes, right: Axes, axis: AxisSpectra, name: str) -> None:
         left.plot(x, counts, color=colour, linewidth=0.9)
     set_title(left, f"{name} spectra [m]", "left")
     shifts = axis.first_shift + np.arange(len(axis.correlation)) * RESOLUTION
-    right.plot(shifts, axis.correlation, color=BLACK, linewidth=0.9)
-    right.axvline(axis.shift, color=VERMILLION, linestyle=":", linewidth=1.2)
+    _draw_correlation(right, shifts, axis.correlation, axis.shift)
     set_title(right, f"{name} correlation: {axis.shift:.2f} m", "left")
+
+
+def _draw_correlation(ax: Axes, shifts: Array, values: Array, chosen: float) -> None:
+    ax.plot(shifts, values, color=BLACK, linewidth=0.9)
+    ax.axvline(chosen, color=VERMILLION, linestyle=":", linewidth=1.2)
 
 
 def _draw_surface(ax: Axes, surface: Correlation, T: Array, config: AlignConfig) -> None:
@@ -185,12 +172,11 @@ def _draw_surface(ax: Axes, surface: Correlation, T: Array, config: AlignConfig)
     set_title(ax, f"score within {REACH:.0f} m", "left")
 
 
-def draw_sheet(tiles: Sequence[Tile], columns: int = 8) -> Figure:
+def draw_sheet(drawn: Iterable[Tile]) -> Figure:
     """The tiles in rows, the first `MAX_TILES` of them; each title with the larger side of what it shows."""
-    from matplotlib.figure import Figure
-
+    tiles = list(drawn)
     shown = tiles[:MAX_TILES]
-    columns = min(columns, max(len(shown), 3))
+    columns = min(COLUMNS, max(len(shown), 3))
     rows = math.ceil(len(shown) / columns)
     side = WIDTH / columns
     height = rows * side * (1.0 + TITLE_SHARE) + (0.35 if len(tiles) > MAX_TILES else 0.05)

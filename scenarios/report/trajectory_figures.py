@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 from scipy.stats import chi2
 
 from scenarios.evaluation.maps import RESOLUTION, cells_found, map_at, occupied_cells, true_map
+from scenarios.evaluation.segmentation import segment_gaps
 from scenarios.evaluation.trajectory import aligned
 from scenarios.report.style import FONT, LEFT, RIGHT, TICKS, WIDTH, add_legend, grid, panels, set_title
 from slam import se2
 from slam.colours import BLACK, BLUE, GREY, ORANGE, SKY, VERMILLION
-from slam.mapping.submap import Submap
 from slam.odometry.track import Verdict
 from slam.recording import Recording
 from slam.se2 import Array
 from stitch.mapping.estimate import Estimate
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-View = tuple[float, float, float, float]
-"""``x_min, x_max, y_min, y_max`` m."""
 MARGIN = 1.0
 """Free space around a drawing [m]."""
 CHI2_2_95 = float(chi2.ppf(0.95, 2))
@@ -49,13 +46,10 @@ def draw_maps(recording: Recording, estimates: Sequence[Estimate], titles: Mappi
     truth = true_map(recording)
     true_cells = None if truth is None else occupied_cells(truth)
     maps = [_wall_cells(recording, estimate) for estimate in estimates]
-    views, aspect = common_views([_centres(cells if truth is None else true_cells) for cells in maps])
-    figure, axes = panels(len(estimates), aspect)
-    for ax, estimate, cells, view in zip(axes, estimates, maps, views, strict=True):
-        ax.axis(view)
-        _draw_walls(ax, cells, true_cells, _marker_size(ax, view))
-        set_title(ax, titles[estimate.method])
-        _note_walls_outside(ax, cells, view)
+    shown = [_centres(cells if truth is None else true_cells) for cells in maps]
+    figure, axes = _panels(shown, [titles[estimate.method] for estimate in estimates])
+    for ax, cells in zip(axes, maps, strict=True):
+        _draw_walls(ax, cells, true_cells)
     if true_cells is not None:
         add_legend(
             figure, [("wall found", BLACK), ("drawn where there is none", BLUE), ("true wall missed", ORANGE)]
@@ -68,15 +62,14 @@ def draw_trajectories(
 ) -> Figure:
     """The path of every method, over the true one where there is truth; ``titles`` by method."""
     truth = recording.truth
-    paths, views, aspect = _paths(recording, estimates)
-    figure, axes = panels(len(estimates), aspect)
-    for ax, estimate, path, view in zip(axes, estimates, paths, views, strict=True):
-        ax.axis(view)
+    paths = [aligned(estimate.poses, truth) for estimate in estimates]
+    shown = [path if truth is None else truth for path in paths]
+    figure, axes = _panels(shown, [titles[estimate.method] for estimate in estimates])
+    for ax, path in zip(axes, paths, strict=True):
         if truth is not None:
             ax.plot(truth[:, 0], truth[:, 1], color=ORANGE, linewidth=3.0, solid_capstyle="round")
         ax.plot(path[:, 0], path[:, 1], color=BLACK, linewidth=0.9)
         ax.plot(*path[0, :2], marker="o", color=BLUE, markersize=6, linestyle="none")
-        set_title(ax, titles[estimate.method])
     entries = [("estimate", BLACK), ("its start", BLUE)]
     add_legend(figure, entries if truth is None else [("truth", ORANGE), *entries])
     return figure
@@ -87,13 +80,15 @@ def draw_uncertainty(
 ) -> Figure:
     """The path of every method that has covariances, with ellipses of 95 %; red where nothing was matched
     (thesis, figure A.1)."""
-    from matplotlib.collections import PolyCollection
-
-    with_covariance = [(e, stated) for e in estimates if (stated := covariance_of(e)) is not None]
-    paths, views, aspect = _paths(recording, [estimate for estimate, _ in with_covariance])
-    figure, axes = panels(len(paths), aspect)
-    for ax, (estimate, (covariance, of)), path, view in zip(axes, with_covariance, paths, views, strict=True):
-        ax.axis(view)
+    truth = recording.truth
+    drawn = [
+        (estimate, aligned(estimate.poses, truth), *stated)
+        for estimate in estimates
+        if (stated := covariance_of(estimate)) is not None
+    ]
+    shown = [path if truth is None else truth for _, path, _, _ in drawn]
+    figure, axes = _panels(shown, [f"{titles[e.method]}; covariance of each {of}" for e, _, _, of in drawn])
+    for ax, (estimate, path, covariance, _) in zip(axes, drawn, strict=True):
         rows = _spaced(path, np.isfinite(covariance[:, 0, 0]))
         outlines = ellipses(path[rows], to_map_axes(path[rows], covariance[rows]), ELLIPSE_SCALE)
         ax.add_collection(
@@ -104,7 +99,6 @@ def draw_uncertainty(
             tried = estimate.track.verdict != Verdict.SKIPPED
             lost = path[tried & (estimate.track.matches == 0)][1:]
             ax.plot(lost[:, 0], lost[:, 1], linestyle="none", marker="o", markersize=3, color=VERMILLION)
-        set_title(ax, f"{titles[estimate.method]}; covariance of each {of}")
     scaled = f"95 %, {ELLIPSE_SCALE} times as large"
     add_legend(figure, [("path", BLACK), (scaled, SKY), ("no match", VERMILLION)])
     return figure
@@ -137,14 +131,6 @@ def draw_confidence(estimate: Estimate) -> Figure:
     return figure
 
 
-def segment_gaps(submaps: Sequence[Submap]) -> list[tuple[int, int]]:
-    """First and last scan of every stretch between two submaps that belongs to none.
-
-    Where two submaps touch, the drive was divided but not cut.
-    """
-    return [(a.stop, b.start - 1) for a, b in pairwise(submaps) if a.stop < b.start]
-
-
 def covariance_of(estimate: Estimate) -> tuple[Array, str] | None:
     """Covariance ``(N, 3, 3)`` in the body frame and of what: the pose where a method has marginals, else of
     the step from the scan each was matched to."""
@@ -172,15 +158,16 @@ def ellipses(poses: Array, covariance: Array, scale: float = 1.0) -> Array:
     return poses[:, None, :2] + scale * np.swapaxes(axes @ circle, -1, -2)
 
 
-def common_views(drawings: Sequence[Array]) -> tuple[list[View], float]:
-    """What to show of each set of points ``(n, >= 2)`` m, of one height over width, and that ratio."""
+def _panels(drawings: Sequence[Array], titles: Sequence[str]) -> tuple[Figure, list[Axes]]:
+    """A panel for each set of points ``(n, >= 2)`` m, all of one height over width, which shows all of it."""
     boxes = [_box(points[:, :2]) for points in drawings]
     aspect = float(np.clip(np.median([size[1] / size[0] for _, size in boxes]), 0.3, 2.5))
-    views = []
-    for (x, y), size in boxes:
+    figure, axes = panels(len(boxes), aspect)
+    for ax, ((x, y), size), title in zip(axes, boxes, titles, strict=True):
         half = max(size[0], size[1] / aspect) / 2.0
-        views.append((float(x - half), float(x + half), float(y - half * aspect), float(y + half * aspect)))
-    return views, aspect
+        ax.axis((float(x - half), float(x + half), float(y - half * aspect), float(y + half * aspect)))
+        set_title(ax, title)
+    return figure, axes
 
 
 def _box(points: Array) -> tuple[Array, Array]:
@@ -189,27 +176,17 @@ def _box(points: Array) -> tuple[Array, Array]:
     return (low + high) / 2.0, high - low + 2.0 * MARGIN
 
 
-def _paths(recording: Recording, estimates: Sequence[Estimate]) -> tuple[list[Array], list[View], float]:
-    """The poses of every method, aligned to truth where there is truth, with what to show of each."""
-    truth = recording.truth
-    paths = [estimate.poses if truth is None else aligned(estimate.poses, truth) for estimate in estimates]
-    return paths, *common_views([path if truth is None else truth for path in paths])
-
-
 def _spaced(path: Array, known: np.ndarray) -> np.ndarray:
     """Rows ``(n,)`` about `ELLIPSE_SPACING` of path apart, of those ``known (N,)``."""
     rows = np.flatnonzero(known)
-    if len(rows) == 0:
-        return rows
     bins = np.floor(se2.path_length(path)[rows] / ELLIPSE_SPACING)
-    return rows[np.append(True, np.diff(bins) > 0.0)]
+    return rows[np.append(True, np.diff(bins) > 0.0)] if len(rows) else rows
 
 
 def _wall_cells(recording: Recording, estimate: Estimate) -> np.ndarray | None:
     """Occupied cells ``(n, 2)`` of a method's map, None where it is too large to draw."""
-    truth, poses = recording.truth, estimate.poses
     try:
-        return occupied_cells(map_at(recording, poses if truth is None else aligned(poses, truth)))
+        return occupied_cells(map_at(recording, aligned(estimate.poses, recording.truth)))
     except ValueError:
         return None
 
@@ -218,13 +195,8 @@ def _centres(cells: np.ndarray | None) -> Array:
     return np.zeros((0, 2)) if cells is None else (cells + 0.5) * RESOLUTION
 
 
-def _marker_size(ax: Axes, view: View) -> float:
-    """Side of a cell on paper [pt], and at least what can be seen."""
-    points = 72.0 * ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
-    return max(1.4 * points * RESOLUTION / (view[1] - view[0]), 0.8)
-
-
-def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None, size: float) -> None:
+def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None) -> None:
+    """Walls as squares of a cell's side on paper, at least of what can be seen."""
     if cells is None:
         _note(ax, 0.5, 0.5, "map too large to draw", FONT["label"], ha="center")
         return
@@ -232,17 +204,15 @@ def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None, si
     if truth is not None:
         found = cells_found(cells, truth)
         layers = [(truth[~cells_found(truth, cells)], ORANGE), (cells[~found], BLUE), (cells[found], BLACK)]
+    left, right, low, high = ax.axis()
+    points = 72.0 * ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
+    size = max(1.4 * points * RESOLUTION / (right - left), 0.8)
     style: dict[str, Any] = {"linestyle": "none", "marker": "s", "markersize": size, "markeredgewidth": 0}
     for walls, colour in layers:
         x, y = _centres(walls).T
         ax.plot(x, y, color=colour, rasterized=True, **style)
-
-
-def _note_walls_outside(ax: Axes, cells: np.ndarray | None, view: View) -> None:
-    if cells is None or len(cells) == 0:
-        return
     x, y = _centres(cells).T
-    outside = np.mean((x < view[0]) | (x > view[1]) | (y < view[2]) | (y > view[3]))
+    outside = np.mean((x < left) | (x > right) | (y < low) | (y > high)) if len(cells) else 0.0
     if outside >= 0.005:
         _note(ax, 0.02, 0.02, f"{outside:.0%} of the walls lie outside", FONT["tick"])
 
@@ -252,8 +222,6 @@ def _note(ax: Axes, x: float, y: float, text: str, size: int, **style: Any) -> N
 
 
 def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarray, scale: str) -> None:
-    from matplotlib.ticker import LogLocator, NullLocator
-
     drawable = np.isfinite(values) & ((values > 0.0) if scale == "log" else True)
     ax.set_yscale(scale)
     if scale == "log":
@@ -275,8 +243,6 @@ def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarr
 
 def _shade(ax: Axes, gaps: Sequence[tuple[int, int]]) -> None:
     """Bands over stretches of scans, first and last."""
-    from matplotlib.collections import PolyCollection
-
     bands = [
         [(first - 0.5, 0.0), (first - 0.5, 1.0), (last + 0.5, 1.0), (last + 0.5, 0.0)] for first, last in gaps
     ]

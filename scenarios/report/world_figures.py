@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from scenarios.report.style import FONT, LEFT, RIGHT, WIDTH, grid, set_title
+from sim.record import SimulatedRun
+from sim.terrain_kernels import height_at, heights_at
 from slam import se2
 from slam.colours import BLACK, BLUE, GREY, ORANGE, VERMILLION
 from slam.odometry.track import Verdict
 from slam.se2 import Array
 from stitch.mapping.estimate import Estimate
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.collections import LineCollection
-    from matplotlib.figure import Figure
-
-    from sim.record import SimulatedRun
 
 SECTOR = np.deg2rad(8.0)
 """Half the sector of beams drawn from the side: beams further off the heading would mislead."""
@@ -58,8 +58,6 @@ def draw_from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figu
 
 def draw_thumbnail(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
     """The same on a picture `THUMBNAIL_WIDTH` inch wide, without axes and legend, with a scale."""
-    from matplotlib.figure import Figure
-
     low, high = _extent(run)
     width, height = high - low
     low = low - [0.0, 0.07 * width]  # the scale lies under it
@@ -96,14 +94,8 @@ def draw_from_the_side(run: SimulatedRun) -> Figure:
     roll, pitch = np.degrees(run.tilt[scan])
     set_title(ax, f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", "left")
     ax.set(xlim=(-GROUND_BEHIND, reach + 0.3), xlabel="distance ahead [m]", ylabel="height [m]")
-    ax.legend(
-        fontsize=FONT["tick"],
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        borderpad=0,
-        frameon=False,
-        ncols=3,
-    )
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0}
+    ax.legend(fontsize=FONT["tick"], frameon=False, ncols=3, **place)
     return figure
 
 
@@ -114,17 +106,20 @@ def _draw_drive(ax: Axes, run: SimulatedRun, estimate: Estimate | None) -> LineC
     line = _draw_path(ax, run)
     if estimate is not None and estimate.track is not None:
         tried = estimate.track.verdict != Verdict.SKIPPED
-        lost = run.recording.truth[tried & (estimate.track.matches == 0)]  # type: ignore[index]
+        lost = _truth(run)[tried & (estimate.track.matches == 0)]
         ax.scatter(
             lost[:, 0], lost[:, 1], s=26, facecolors="none", edgecolors=VERMILLION, linewidths=1.1, zorder=6
         )
     return line
 
 
+def _truth(run: SimulatedRun) -> Array:
+    assert run.recording.truth is not None
+    return run.recording.truth
+
+
 def _extent(run: SimulatedRun) -> tuple[Array, Array]:
-    truth = run.recording.truth
-    assert truth is not None
-    points = np.concatenate([run.walls.reshape(-1, 2), truth[:, :2]])
+    points = np.concatenate([run.walls.reshape(-1, 2), _truth(run)[:, :2]])
     return points.min(axis=0) - 0.8, points.max(axis=0) + 0.8
 
 
@@ -139,8 +134,6 @@ def _draw_ground(ax: Axes, run: SimulatedRun) -> None:
 
 def _shade(ax: Axes, values: Array, origin: tuple[float, float], resolution: float, colours: str) -> None:
     """A field in bands of colour, nothing where it is zero."""
-    from matplotlib import colormaps
-
     if not np.any(values > 0.0):
         return
     rows, columns = values.shape
@@ -155,8 +148,6 @@ def _shade(ax: Axes, values: Array, origin: tuple[float, float], resolution: flo
 
 def _draw_solids(ax: Axes, run: SimulatedRun) -> None:
     """What a level laser sees in black, what it sees over or under in outline, movers at the first scan."""
-    from matplotlib.collections import LineCollection, PolyCollection
-
     world, height = run.setup.world, run.setup.scanner.height
     seen = [p.footprint for p in world.prisms if p.z_lo <= height <= p.z_hi]
     missed = [p.footprint for p in world.prisms if not p.z_lo <= height <= p.z_hi]
@@ -170,10 +161,7 @@ def _draw_solids(ax: Axes, run: SimulatedRun) -> None:
 
 
 def _draw_path(ax: Axes, run: SimulatedRun) -> LineCollection:
-    from matplotlib.collections import LineCollection
-
-    truth = run.recording.truth
-    assert truth is not None
+    truth = _truth(run)
     tilt = np.degrees(np.arccos(np.clip(np.cos(run.tilt[:, 0]) * np.cos(run.tilt[:, 1]), -1.0, 1.0)))
     pieces = np.stack([truth[:-1, :2], truth[1:, :2]], axis=1)
     line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5, rasterized=True)
@@ -185,8 +173,6 @@ def _draw_path(ax: Axes, run: SimulatedRun) -> LineCollection:
 
 
 def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> None:
-    from matplotlib.lines import Line2D
-
     world = run.setup.world
     entries = [
         ("at the laser's height", "s", BLACK, BLACK),
@@ -201,9 +187,8 @@ def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> Non
         Line2D([], [], linestyle="none", label=label, marker=marker, mfc=face, mec=edge)
         for label, marker, face, edge in entries
     ]
-    figure.legend(
-        handles=handles, fontsize=FONT["tick"], frameon=False, ncols=len(entries), loc="lower center"
-    )
+    size, columns = FONT["tick"], len(entries)
+    figure.legend(handles=handles, fontsize=size, frameon=False, ncols=columns, loc="lower center")
 
 
 def _most_pitched(run: SimulatedRun) -> int:
@@ -214,12 +199,8 @@ def _most_pitched(run: SimulatedRun) -> int:
 
 def _seen(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array]:
     """Pose ``(6,)`` of the laser at a scan, beam angles near the heading, and the true ranges along them."""
-    from sim.terrain_kernels import height_at
-
-    truth = run.recording.truth
-    assert truth is not None
     scanner, world = run.setup.scanner, run.setup.world
-    x, y, yaw = truth[scan]
+    x, y, yaw = _truth(run)[scan]
     ground = height_at(float(x), float(y), world.terrain.field)
     pose = scanner.sensor_poses(np.array([x, y, yaw, *run.tilt[scan], ground]))
     angles = scanner.angles[np.abs(scanner.angles) <= SECTOR]
@@ -246,8 +227,6 @@ def _in_heading_plane(pose: Array, angles: Array, ranges: Array) -> tuple[Array,
 
 def _draw_profile(ax: Axes, run: SimulatedRun, pose: Array, reach: float) -> None:
     """The ground along the heading, and what stands on the heading."""
-    from sim.terrain_kernels import heights_at
-
     world = run.setup.world
     along = np.arange(-GROUND_BEHIND, reach + 0.3, 0.02)
     line = pose[:2] + along[:, None] * np.array([np.cos(pose[2]), np.sin(pose[2])])

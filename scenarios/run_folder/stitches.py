@@ -24,13 +24,13 @@ def stitch_to_json(estimate: Estimate, candidate: LoopCandidate, truth: Array | 
         "b": candidate.b,
         "turn": candidate.round,
         "scan": estimate.submaps[candidate.b].stop - 1,
-        "prior": None if candidate.prior is None else vars(candidate.prior),
+        "prior": candidate.prior,
         "accepted": candidate.accepted,
         "weight": candidate.weight,
     }
     result = candidate.result
     if isinstance(result, NoStitch):
-        return {**entry, "reason": result.reason, "best": None if result.best is None else vars(result.best)}
+        return {**entry, "reason": result.reason, "best": result.best}
     entry |= {
         "T_a_b": result.T_a_b,
         "covariance": result.covariance,
@@ -38,7 +38,7 @@ def stitch_to_json(estimate: Estimate, candidate: LoopCandidate, truth: Array | 
         "overlap_m2": result.overlap_area,
         "agreement": result.agreement,
         "belief": result.belief,
-        "alternatives": [vars(other) for other in result.alternatives],
+        "alternatives": result.alternatives,
     }
     error = None if truth is None else stitch_error(estimate, candidate, truth)
     if error is not None:
@@ -50,31 +50,22 @@ def stitch_to_json(estimate: Estimate, candidate: LoopCandidate, truth: Array | 
 def stitch_from_json(entry: Mapping[str, Any]) -> LoopCandidate:
     """The candidate that `stitch_to_json` wrote. Raises ``KeyError`` for an entry without all of it."""
     prior = entry["prior"]
-    return LoopCandidate(
-        entry["a"],
-        entry["b"],
-        _stitch(entry) if "T_a_b" in entry else _refusal(entry),
-        entry["weight"],
-        prior=None if prior is None else Prior(np.array(prior["T_a_b"]), np.array(prior["covariance"])),
-        round=entry["turn"],
-    )
-
-
-def _stitch(entry: Mapping[str, Any]) -> Stitch:
-    sigma = entry["covariance"]
-    return Stitch(
-        np.array(entry["T_a_b"]),
-        None if sigma is None else np.array(sigma),
-        entry["score"],
-        entry["overlap_m2"],
-        entry["agreement"],
-        tuple(map(_alternative, entry["alternatives"])),
-        entry["belief"],
-    )
-
-
-def _refusal(entry: Mapping[str, Any]) -> NoStitch:
-    return NoStitch(entry["reason"], None if entry["best"] is None else _alternative(entry["best"]))
+    result: Stitch | NoStitch
+    if "T_a_b" in entry:
+        result = Stitch(
+            np.array(entry["T_a_b"]),
+            None if entry["covariance"] is None else np.array(entry["covariance"]),
+            entry["score"],
+            entry["overlap_m2"],
+            entry["agreement"],
+            tuple(map(_alternative, entry["alternatives"])),
+            entry["belief"],
+        )
+    else:
+        result = NoStitch(entry["reason"], None if entry["best"] is None else _alternative(entry["best"]))
+    if prior is not None:
+        prior = Prior(np.array(prior["T_a_b"]), np.array(prior["covariance"]))
+    return LoopCandidate(entry["a"], entry["b"], result, entry["weight"], entry["turn"], prior)
 
 
 def _alternative(entry: Mapping[str, Any]) -> Alternative:

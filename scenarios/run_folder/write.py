@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from scenarios.evaluation.maps import map_at
+from scenarios.evaluation.metric import Metric
 from scenarios.evaluation.segmentation import step_deviations
 from scenarios.jsonable import dump
 from scenarios.run_folder.arrays import SUBMAPS_FILE, TRACKS_FILE, write_submaps, write_tracks
 from scenarios.run_folder.directory import METRICS_FILE, safe_name
-from scenarios.run_folder.run import Run
 from scenarios.run_folder.stitches import stitch_to_json
+from sim.record import SimulatedRun
 from slam.formats import g2o, recording_npz, ros_map, tum
 from slam.mapping.occupancy import Grid
 from slam.odometry.track import Track, Verdict
@@ -22,9 +25,36 @@ from slam.recording import Recording
 from slam.se2 import Array
 from stitch.mapping.estimate import Estimate
 
+SCHEMA = 1
+"""Version of the layout of metrics.json."""
 STEP_COLUMNS = ("method", "scan", "time", "verdict", "reference", "matches", "error_trans", "error_rot")
 WHITE = 255
 """Shade of free cells in the PNG maps, which are for looking at."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What was ``asked`` (command line and every parameter), on what machine, and what came out."""
+
+    asked: Mapping[str, object]
+    environment: Mapping[str, object]
+    seed: int
+    recording: Recording
+    estimates: Sequence[Estimate]
+    metrics: Sequence[Metric]
+    simulated: SimulatedRun | None = None
+
+    def metrics_json(self) -> str:
+        """The content of metrics.json."""
+        content = {
+            "schema": SCHEMA,
+            "recording": self.recording.name,
+            "seed": self.seed,
+            "scans": len(self.recording),
+            "distance_m": round(self.recording.distance, 3),
+            "metrics": [metric.to_json() for metric in self.metrics],
+        }
+        return json.dumps(content, indent=1, allow_nan=False)
 
 
 def write_run(folder: Path, run: Run) -> None:
@@ -64,10 +94,14 @@ def stitches(estimates: Sequence[Estimate], truth: Array | None) -> dict[str, li
 def _write_trajectories(folder: Path, recording: Recording, estimates: Sequence[Estimate]) -> None:
     """One TUM file per method, and the truth."""
     folder.mkdir()
-    for estimate in estimates:
-        tum.write(folder / f"{safe_name(estimate.method)}.tum", recording.time, estimate.poses)
-    if recording.truth is not None:
-        tum.write(folder / "truth.tum", recording.time, recording.truth)
+    for name, poses in _poses(recording, estimates).items():
+        tum.write(folder / f"{name}.tum", recording.time, poses)
+
+
+def _poses(recording: Recording, estimates: Sequence[Estimate]) -> dict[str, Array]:
+    """Poses ``(N, 3)`` by the name of a file: every method's, and the true ones where they are known."""
+    poses = {safe_name(estimate.method): estimate.poses for estimate in estimates}
+    return poses if recording.truth is None else {**poses, "truth": recording.truth}
 
 
 def _write_graphs(folder: Path, estimates: Sequence[Estimate]) -> None:
@@ -82,10 +116,7 @@ def _write_graphs(folder: Path, estimates: Sequence[Estimate]) -> None:
 def _write_maps(folder: Path, recording: Recording, estimates: Sequence[Estimate]) -> None:
     """Each method's map in its own frame, and the one drawn with true poses: PNG, and PGM with YAML."""
     folder.mkdir()
-    poses_of = {safe_name(estimate.method): estimate.poses for estimate in estimates}
-    if recording.truth is not None:
-        poses_of["truth"] = recording.truth
-    for name, poses in poses_of.items():
+    for name, poses in _poses(recording, estimates).items():
         try:
             grid = map_at(recording, poses)
         except ValueError as error:  # a method that lost itself can need a map larger than any disk

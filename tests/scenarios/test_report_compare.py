@@ -11,8 +11,7 @@ import pytest
 
 from scenarios.report import __main__ as command
 from scenarios.report import compare
-from scenarios.report.comparison import collect_results, compare_metrics
-from scenarios.report.strip_plot import strip_plot
+from scenarios.report.compare import collect_results, compare_metrics, strip_plot
 from slam.cli import InputError
 
 

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scenarios.evaluation.segmentation import false_stitches
 from scenarios.report import stitch_figures
 from scenarios.report.alignment_evidence import AlignedPair
-from scenarios.report.figures import FigureSpec, false_stitches, run_specs, write_figures
+from scenarios.report.figures import FigureSpec, run_specs, write_figures
 from scenarios.report.shapes import points_on, rasterise_points, rooms
 from scenarios.report.trajectory_figures import draw_uncertainty
 from slam import se2
@@ -105,7 +106,7 @@ def test_figures_have_plain_names_and_are_drawn_when_rendered(estimate, recordin
     assert [spec.name for spec in specs] == [
         "maps", "trajectories", "submaps-a_b", "steps-a_b", "stitch-a_b-0-1",
     ]  # fmt: skip
-    figure = FigureSpec("p", specs[1].draw, "alt", "caption").render()
+    figure = FigureSpec("p", specs[1].draw, "alt", "caption")
     write_figures(tmp_path / "new", [figure])
     assert (tmp_path / "new" / "p.png").read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / "new" / "p.pdf").read_bytes()[:5] == b"%PDF-"

@@ -11,27 +11,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.report.alignment_evidence import (
-    RESOLUTION,
-    Walls,
-    axis_spectra,
-    merged_walls,
-    rotation_correlation,
-    score_surface,
-)
-from scenarios.report.live.content import (
+from scenarios.evaluation.segmentation import segment_gaps
+from scenarios.report.alignment_evidence import RESOLUTION, AlignedPair, Walls, merged_walls
+from scenarios.report.live import (
+    GAPS,
     MAX_SCANS,
-    DownsampledDrive,
+    MEMORY,
     drive_content,
+    fitting_beams,
     live_content,
     map_image,
+    pack,
+    pack_bits,
     script_safe,
+    shown_rows,
+    stitch_entries,
 )
-from scenarios.report.live.encode import GAPS, pack, pack_bits
-from scenarios.report.live.scan_fit import MEMORY, fitting_beams
-from scenarios.report.live.stitches import stitch_entries
 from scenarios.report.shapes import points_on, rasterise_points, rooms
-from scenarios.report.trajectory_figures import ellipses, segment_gaps, to_map_axes
+from scenarios.report.trajectory_figures import ellipses, to_map_axes
 from slam import se2
 from slam.mapping.occupancy import Grid
 from slam.recording import Laser, Recording
@@ -117,11 +114,11 @@ def test_what_was_seen_long_ago_is_forgotten(recording):
 def test_long_drives_are_shown_in_part():
     n = 2 * MAX_SCANS + 1
     still = Recording("r", np.arange(n), np.ones((n, 2)), np.array([0.0, 0.1]), Laser(), np.zeros((n, 3)))
-    shown = DownsampledDrive.of(still)
-    assert shown.rows.tolist() == list(range(0, n, 3))
-    content = drive_content(shown, None)
-    assert len(unpacked(content["time"])) == len(shown.rows)
-    assert len(unpacked(content["ranges"])) == 2 * len(shown.rows)
+    rows = shown_rows(still)
+    assert rows.tolist() == list(range(0, n, 3))
+    content = drive_content(still, rows, None)
+    assert len(unpacked(content["time"])) == len(rows)
+    assert len(unpacked(content["ranges"])) == 2 * len(rows)
     assert content["tilt"] is None
 
 
@@ -182,16 +179,17 @@ def test_every_stitch_tells_what_became_of_it(estimate):
 
 def test_the_evidence_peaks_at_the_true_alignment(estimate):
     a, b = (Walls(submap.grid.occupied_points(), submap.grid) for submap in estimate.submaps)
-    correlation = rotation_correlation(a, b)
+    pair = AlignedPair(a, b, np.zeros(3), T)
+    correlation = pair.rotation_correlation()
     assert correlation.max() == 1.0
     assert correlation[30] > 0.9
-    for axis in axis_spectra(a, b, T):
+    for axis in pair.axis_spectra():
         best = axis.first_shift + RESOLUTION * int(np.argmax(axis.correlation))
         assert best == pytest.approx(axis.shift, abs=2 * RESOLUTION)
-    found = score_surface(a, b, T, AlignConfig())
+    found = pair.score_surface(AlignConfig())
     row, column = np.unravel_index(int(np.argmax(found.agreement)), found.agreement.shape)
     np.testing.assert_allclose(found.translations()[row, column], T[:2], atol=2 * RESOLUTION)
-    assert score_surface(replace(a, grid=None), b, T, AlignConfig()) is None
+    assert replace(pair, a=replace(a, grid=None)).score_surface(AlignConfig()) is None
 
 
 def test_a_piece_of_htms_is_shown_with_all_before_it(estimate):
