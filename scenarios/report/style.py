@@ -5,11 +5,12 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.transforms import ScaledTranslation
 
 WIDTH = 11.0
 """Width of a figure [inch]."""
@@ -48,8 +49,6 @@ def set_title(ax: Axes, text: str, loc: Literal["left", "center"] = "center") ->
 def fix_axes(ax: Axes) -> None:
     """About `TICKS` round numbers on either axis, as nine do not fit a small panel; labels of the axes at a
     fixed distance, which halves the time that matplotlib takes."""
-    from matplotlib.transforms import ScaledTranslation
-
     ax.locator_params(nbins=TICKS)
     ax.tick_params(labelsize=FONT["tick"])
     assert ax.figure is not None
@@ -63,8 +62,6 @@ def grid(
 ) -> tuple[Figure, list[Axes]]:
     """A figure of ``count`` panels of ``width`` x ``height``, ``across`` and ``down`` apart [inch], with
     room for more ``beside`` them, on the right."""
-    from matplotlib.figure import Figure
-
     rows = math.ceil(count / columns)
     total = columns * width + (columns - 1) * across + LEFT + RIGHT + beside
     tall = rows * height + (rows - 1) * down + BOTTOM + TOP
@@ -81,8 +78,6 @@ def grid(
 
 def add_legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
     """What each colour means, under the figure: entries (words, colour)."""
-    from matplotlib.lines import Line2D
-
     handles = [
         Line2D([], [], color=colour, marker="s", linestyle="none", markersize=7, label=label)
         for label, colour in entries

@@ -10,8 +10,8 @@ import pytest
 from scenarios.evaluation.segmentation import false_stitches
 from scenarios.report import stitch_figures
 from scenarios.report.alignment_evidence import AlignedPair
+from scenarios.report.chapter3 import points_on, rasterise_points, rooms
 from scenarios.report.figures import FigureSpec, run_specs, write_figures
-from scenarios.report.shapes import points_on, rasterise_points, rooms
 from scenarios.report.trajectory_figures import draw_uncertainty
 from slam import se2
 from slam.colours import BLACK, BLUE, ORANGE, VERMILLION

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from scenarios.evaluation.segmentation import segment_gaps
 from scenarios.report.alignment_evidence import RESOLUTION, AlignedPair, Walls, merged_walls
+from scenarios.report.chapter3 import points_on, rasterise_points, rooms
 from scenarios.report.live import (
     GAPS,
     MAX_SCANS,
@@ -27,7 +28,6 @@ from scenarios.report.live import (
     shown_rows,
     stitch_entries,
 )
-from scenarios.report.shapes import points_on, rasterise_points, rooms
 from scenarios.report.trajectory_figures import ellipses, to_map_axes
 from slam import se2
 from slam.mapping.occupancy import Grid
