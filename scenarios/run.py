@@ -269,8 +269,8 @@ def described(
     options: Options, config: MethodConfig, source: Source, estimates: list[Estimate], metrics: list[Metric]
 ) -> Run:
     """The run with what it takes to make it again: the command line, every parameter, and the versions."""
-    from scenarios.environment import environment
     from scenarios.run_folder.write import Run
+    from scenarios.stages import environment
 
     asked = {
         "command": shlex.join(["python", "-m", COMMAND, *sys.argv[1:]]),

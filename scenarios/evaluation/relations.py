@@ -96,6 +96,27 @@ def relations_from_stamps(relations: Relations, odometry: Odometry) -> RelativeP
     return RelativePoses(order[nearest[known]], relations.T_12[known], clear[known])
 
 
+def clear_relations(recording: Recording) -> Relations | None:
+    """The recording's own relations, else those of its truth with stamps beyond doubt; None without either.
+
+    Like the benchmark's they are between poses of the laser. A stamp with a second odometry record within
+    10 ms is left out (Kümmerle et al. 2009 name poses by their stamps alone).
+    """
+    if recording.relations is not None or recording.truth is None or len(recording) < 2:
+        return recording.relations
+    truth = se2.compose(recording.truth, recording.laser.T_robot_laser)
+    pairs = relations_from_truth(truth)
+    stamps = recording.time
+    if recording.odometry is not None:
+        own = recording.odometry.time[recording.odometry.scan_row] == stamps
+        stamps = np.concatenate([recording.odometry.time, stamps[~own]])
+    stamps = np.sort(stamps)
+    near = np.searchsorted(stamps, recording.time + CLEAR_WINDOW, side="right")
+    near -= np.searchsorted(stamps, recording.time - CLEAR_WINDOW, side="left")
+    clear = np.all(near[pairs.rows] <= 1, axis=1)
+    return Relations(recording.time[pairs.rows[clear]], pairs.T_12[clear]) if np.any(clear) else None
+
+
 def carry(poses: Array, odometry: Odometry) -> Array:
     """Robot poses ``(M, 3)`` at every odometry record from ``poses (N, 3)`` at the scans.
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Any
 from urllib.parse import quote
 
 from markupsafe import Markup
@@ -81,44 +82,16 @@ class MetricComparison:
     rows: tuple[tuple[str, tuple[ComparisonCell, ...]], ...]
 
     @property
-    def values(self) -> list[float]:
-        """All values of all cells."""
-        return [value for _, cells in self.rows for cell in cells for _, value in cell.results]
+    def title(self) -> str:
+        """The metric with its unit and direction."""
+        unit = f" [{self.definition.unit}]" if self.definition.unit else ""
+        return f"{self.name}{unit} {ARROWS[self.definition.better]}".rstrip()
 
-    @property
-    def best_methods(self) -> list[tuple[str, str]]:
-        """Scenarios, each with a method that has the best median there."""
-        return [
-            (scenario, method)
-            for scenario, cells in self.rows
-            for method, cell in zip(self.methods, cells, strict=True)
-            if cell.best
-        ]
-
-
-@dataclass(frozen=True)
-class Dot:
-    """A result in the plot; ``worst`` of its row, with a ``link`` to its page where it has one."""
-
-    x: float
-    y: float
-    method: int
-    result: MethodResult
-    value: float
-    worst: bool
-    link: str | None
-
-
-@dataclass(frozen=True)
-class StripPlot:
-    """Dots, the rows' scenarios (name, y), ticks of the axis (words, x), medians (method, x, y), height."""
-
-    dots: tuple[Dot, ...]
-    scenarios: tuple[tuple[str, float], ...]
-    ticks: tuple[tuple[str, float], ...]
-    medians: tuple[tuple[int, float, float], ...]
-    height: float
-    logarithmic: bool
+    def cells(self) -> Iterator[tuple[str, str, ComparisonCell]]:
+        """Every cell with its scenario and method, row by row."""
+        for scenario, cells in self.rows:
+            for method, cell in zip(self.methods, cells, strict=True):
+                yield scenario, method, cell
 
 
 def run(folders: Sequence[Path], out: Path | None, form: str) -> str:
@@ -161,10 +134,10 @@ def collect_results(folders: Sequence[Path]) -> list[MethodResult]:
 def _of_run(folder: Path) -> Iterator[MethodResult]:
     content, metrics = read_metrics(folder)
     page = folder / "report.html" if (folder / "report.html").is_file() else None
-    scenario, seed, source = str(content["recording"]), int(content["seed"]), folder.parent.name
     for method in dict.fromkeys(metric.method for metric in metrics):
         values = {m.name: m.value for m in metrics if m.method == method and m.value is not None}
-        yield MethodResult(scenario, seed, method, values, page, source)
+        scenario, seed = str(content["recording"]), int(content["seed"])
+        yield MethodResult(scenario, seed, method, values, page, folder.parent.name)
 
 
 def _of_sweep(folder: Path) -> Iterator[MethodResult]:
@@ -187,27 +160,20 @@ def _of_sweep(folder: Path) -> Iterator[MethodResult]:
 def compare_metrics(results: Sequence[MethodResult]) -> list[MetricComparison]:
     """Every metric that any result has, in the order of their definitions."""
     methods = tuple(dict.fromkeys(result.method for result in results))
-    scenarios = list(dict.fromkeys(result.scenario for result in results))
+    scenarios = dict.fromkeys(result.scenario for result in results)
     groups = [(name, [result for result in results if result.scenario == name]) for name in scenarios]
     if len(groups) > 1:
         groups.append((ALL_SCENARIOS, list(results)))
-    measured = {name for result in results for name in result.values}
-    return [
-        MetricComparison(
-            name,
-            definition,
-            methods,
-            tuple((scenario, _cells(name, definition, group, methods)) for scenario, group in groups),
-        )
-        for name, definition in DEFINITIONS.items()
-        if name in measured
-    ]
+    comparisons = []
+    for name, definition in DEFINITIONS.items():
+        if any(name in result.values for result in results):
+            rows = tuple((scenario, _cells(name, group, methods)) for scenario, group in groups)
+            comparisons.append(MetricComparison(name, definition, methods, rows))
+    return comparisons
 
 
-def _cells(
-    name: str, definition: Definition, results: Sequence[MethodResult], methods: tuple[str, ...]
-) -> tuple[ComparisonCell, ...]:
-    sign = {"lower": 1.0, "higher": -1.0, None: 0.0}[definition.better]
+def _cells(name: str, results: Sequence[MethodResult], methods: Sequence[str]) -> tuple[ComparisonCell, ...]:
+    sign = {"lower": 1.0, "higher": -1.0, None: 0.0}[DEFINITIONS[name].better]
     cells = []
     for method in methods:
         ordered = sorted((r for r in results if r.method == method), key=lambda r: (r.scenario, r.seed))
@@ -226,22 +192,21 @@ def to_text(comparisons: Sequence[MetricComparison], form: str) -> str:
     if form == "json":
         return json.dumps({"schema": 1, "comparisons": _entries(comparisons)}, indent=1, allow_nan=False)
     chosen = [comparison for comparison in comparisons if comparison.name in CHOSEN] or comparisons
-    tables = [to_table(comparison) for comparison in chosen]
+    tables = [
+        Table(
+            ["scenario", *comparison.methods],
+            [[scenario, *map(_text, cells)] for scenario, cells in comparison.rows],
+            f"{comparison.title}: {NOTE}",
+        )
+        for comparison in chosen
+    ]
     if form == "table":
         return "\n\n".join(table.console(styled=sys.stdout.isatty()) for table in tables)
     return "\n\n".join(table.markdown() if form == "markdown" else table.latex() for table in tables)
 
 
-def to_table(comparison: MetricComparison) -> Table:
-    """Scenarios in rows, methods in columns: the median and, over several drives, the worst."""
-    return Table(
-        ["scenario", *comparison.methods],
-        [[scenario, *map(_text, cells)] for scenario, cells in comparison.rows],
-        f"{_title(comparison)}: {NOTE}",
-    )
-
-
 def _text(cell: ComparisonCell) -> str | Bold:
+    """The median and, over several drives, the worst."""
     if cell.median is None:
         return ABSENT
     worst = "" if cell.worst is None or len(cell.results) == 1 else f" / {number(cell.worst[1])}"
@@ -252,12 +217,6 @@ def _text(cell: ComparisonCell) -> str | Bold:
 def number(value: float) -> str:
     """Three digits that count, whole numbers as they are."""
     return f"{value:.0f}" if value == round(value) or abs(value) >= 1000.0 else f"{value:#.3g}".rstrip(".")
-
-
-def _title(comparison: MetricComparison) -> str:
-    """The metric with its unit and direction."""
-    unit = f" [{comparison.definition.unit}]" if comparison.definition.unit else ""
-    return f"{comparison.name}{unit} {ARROWS[comparison.definition.better]}".rstrip()
 
 
 def _entries(comparisons: Sequence[MetricComparison]) -> list[dict[str, object]]:
@@ -275,8 +234,7 @@ def _entries(comparisons: Sequence[MetricComparison]) -> list[dict[str, object]]
             "values": [value for _, value in cell.results],
         }
         for comparison in comparisons
-        for scenario, cells in comparison.rows
-        for method, cell in zip(comparison.methods, cells, strict=True)
+        for scenario, method, cell in comparison.cells()
         if cell.results
     ]
 
@@ -292,13 +250,12 @@ def render(results: Sequence[MethodResult], comparisons: Sequence[MetricComparis
         colours=colour_indices(methods),
         metrics=[(comparison, strip_plot(comparison, address)) for comparison in comparisons],
         chosen=CHOSEN,
-        title=_title,
         number=number,
         link=address,
         note=NOTE,
         style=Markup(own_style()),
         script=Markup(theme_script()),
-    )  # fmt: skip
+    )
 
 
 def link(result: MethodResult, folder: Path) -> str | None:
@@ -308,13 +265,21 @@ def link(result: MethodResult, folder: Path) -> str | None:
     return quote(Path(os.path.relpath(result.page, folder.resolve())).as_posix())
 
 
-def strip_plot(comparison: MetricComparison, link: Callable[[MethodResult], str | None]) -> StripPlot:
-    """The strip plot of a metric; ``link`` gives the address of a result's page."""
-    values = comparison.values
+def strip_plot(comparison: MetricComparison, link: Callable[[MethodResult], str | None]) -> dict[str, Any]:
+    """All values of a metric as a row of dots for each scenario and method, of which one may be the ``worst``
+    with a ``link`` to its page.
+
+    ``dots`` are objects; ``scenarios`` name, y of the rows; ``ticks`` words, x; ``medians`` method, x, y.
+    """
+    values = [value for _, _, cell in comparison.cells() for _, value in cell.results]
     low, high = min(values), max(values)
     logarithmic = comparison.definition.better != "higher" and low > 0.0 and high > LOG_RATIO * low
     ticks = _decades(low, high) if logarithmic else _steps(min(low, 0.0), high)
-    place = _scale(ticks[0], ticks[-1], logarithmic)
+
+    def place(value: float) -> float:
+        a, b, v = (math.log10(x) if logarithmic else x for x in (ticks[0], ticks[-1], value))
+        return round(LEFT + (RIGHT - LEFT) * (v - a) / (b - a), 1)
+
     dots, medians, scenarios, y = [], [], [], TOP
     for scenario, cells in comparison.rows:
         if scenario == ALL_SCENARIOS and len(comparison.rows) > 1:
@@ -324,12 +289,19 @@ def strip_plot(comparison: MetricComparison, link: Callable[[MethodResult], str 
             y += ROW
             for result, value in cell.results:
                 worst = cell.worst is not None and cell.worst[0] is result
-                dots.append(Dot(place(value), y - ROW / 2, k, result, value, worst, link(result)))
+                at = {"x": place(value), "y": y - ROW / 2, "method": k}
+                dots.append({**at, "result": result, "value": value, "worst": worst, "link": link(result)})
             if cell.median is not None:
                 medians.append((k, place(cell.median), y - ROW / 2))
         y += GAP
-    labels = tuple((f"{tick:g}", place(tick)) for tick in ticks)
-    return StripPlot(tuple(dots), tuple(scenarios), labels, tuple(medians), y + BOTTOM, logarithmic)
+    return {
+        "dots": dots,
+        "scenarios": scenarios,
+        "ticks": [(f"{tick:g}", place(tick)) for tick in ticks],
+        "medians": medians,
+        "height": y + BOTTOM,
+        "logarithmic": logarithmic,
+    }
 
 
 def _decades(low: float, high: float) -> list[float]:
@@ -343,11 +315,3 @@ def _steps(low: float, high: float) -> list[float]:
     step = next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= width)
     first, last = math.floor(low / step), math.ceil(high / step)
     return [round(step * k, 12) for k in range(first, max(last, first + 1) + 1)]
-
-
-def _scale(low: float, high: float, logarithmic: bool) -> Callable[[float], float]:
-    def place(value: float) -> float:
-        a, b, v = map(math.log10, (low, high, value)) if logarithmic else (low, high, value)
-        return round(LEFT + (RIGHT - LEFT) * (v - a) / (b - a), 1)
-
-    return place

@@ -63,8 +63,8 @@ def experiment(place: str) -> dict[CovarianceMode, Trials]:
 
 
 def draw(ax: Axes, by_mode: dict[CovarianceMode, Trials], metres: float) -> None:
-    """The cloud of errors, x in units of so many ``metres``, the modes' ellipses of 95 %, and the share of the
-    errors that each holds."""
+    """The cloud of errors (x in units of so many ``metres``), the modes' ellipses of 95 %, and the share of
+    the errors that each holds."""
     errors = by_mode["joint"].errors
     ax.plot(errors[:, 0] / metres, 1e3 * errors[:, 1], ".", color=SKY, ms=4, label=f"{PAIRS} matches")
     for k, (mode, (colour, dash)) in enumerate(MODES.items()):

@@ -16,16 +16,14 @@ from matplotlib.figure import Figure
 
 from scenarios.evaluation.metric import Metric
 from scenarios.evaluation.segmentation import false_stitches
-from scenarios.report import stitch_figures, trajectory_figures, world_figures
-from scenarios.report.alignment_evidence import AlignedPair
+from scenarios.report import stitches, trajectory_figures, world_figures
 from scenarios.report.style import pdf, png
-from scenarios.report.summary import headline, headline_scores
+from scenarios.report.summary import headline
 from scenarios.run_folder.directory import safe_name
 from scenarios.run_folder.read import read_run
 from sim.record import SimulatedRun
 from slam.recording import Recording
 from slam.se2 import Array
-from stitch.alignment.config import AlignConfig
 from stitch.mapping.estimate import Estimate, LoopCandidate
 
 
@@ -35,13 +33,13 @@ def run(folders: Sequence[Path], out: Path | None) -> str:
     targets = []
     for folder in folders:
         recording, estimates, metrics = read_run(folder)
-        stitches = (
+        every_stitch = (
             _stitch_spec(estimate, stitch)
             for estimate in estimates
             for stitch in estimate.stitches
-            if AlignedPair.of(estimate, stitch).complete
+            if stitches.AlignedPair.of(estimate, stitch).complete
         )
-        specs = [*run_specs(recording, estimates, metrics), *stitches]
+        specs = [*run_specs(recording, estimates, metrics), *every_stitch]
         targets.append(folder / "figures" if out is None else out / folder.resolve().name)
         write_figures(targets[-1], {spec.name: spec for spec in specs}.values())
     return "\n".join(map(str, targets))
@@ -97,14 +95,12 @@ def run_specs(
 
 def figure_titles(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> dict[str, str]:
     """Method -> its name and its score in the metric the run is judged by."""
-    judged, scores = headline(metrics), headline_scores(metrics)
-    short = {"ate_rmse": "ATE", "relation_trans_mean": "relations"}
-    return {
-        e.method: f"{e.method}\n{short[judged[0]]} {scores[e.method]:.3f} m"
-        if judged and e.method in scores
-        else e.method
-        for e in estimates
-    }
+    titles, judged = {estimate.method: estimate.method for estimate in estimates}, headline(metrics)
+    if judged is None:
+        return titles
+    short = {"ate_rmse": "ATE", "relation_trans_mean": "relations"}[judged.name]
+    scored = {m: f"{m}\n{short} {score:.3f} m" for m, score in judged.scores.items() if m in titles}
+    return {**titles, **scored}
 
 
 def _result_specs(
@@ -123,10 +119,12 @@ def _track_specs(
 ) -> Iterator[FigureSpec]:
     """Confidence of every method with a track of its own, and the paths with their uncertainty."""
     drawn: list[Estimate] = []
+    tracks: list[Array] = []
     for estimate in estimates:
-        if estimate.track is None or any(_same_track(estimate, other) for other in drawn):
+        if estimate.track is None or any(np.array_equal(estimate.track.poses, other) for other in tracks):
             continue
         drawn.append(estimate)
+        tracks.append(estimate.track.poses)
         what = f"Confidence of {estimate.method}'s scan matches over the drive"
         name = f"confidence-{safe_name(estimate.method)}"
         yield FigureSpec(name, partial(trajectory_figures.draw_confidence, estimate), what, f"{what}.")
@@ -139,11 +137,6 @@ def _track_specs(
         )  # fmt: skip
 
 
-def _same_track(one: Estimate, other: Estimate) -> bool:
-    a, b = one.track, other.track
-    return a is not None and b is not None and np.array_equal(a.poses, b.poses)
-
-
 def _stitch_specs(estimate: Estimate, truth: Array | None) -> Iterator[FigureSpec]:
     """Submaps and accepted stitches of a method that cuts, and one stitch in full: the first false one, else
     the one with the largest overlap."""
@@ -151,7 +144,7 @@ def _stitch_specs(estimate: Estimate, truth: Array | None) -> Iterator[FigureSpe
     if not count:
         return
     yield FigureSpec(
-        f"submaps-{name}", partial(stitch_figures.draw_submaps, estimate),
+        f"submaps-{name}", partial(stitches.draw_submaps, estimate),
         f"The {count} submaps of {method}, each in its own frame",
         f"The {count} submaps of {method}: number, first and last scan, size.",
     )  # fmt: skip
@@ -160,7 +153,7 @@ def _stitch_specs(estimate: Estimate, truth: Array | None) -> Iterator[FigureSpe
         return
     false = false_stitches(estimate, truth)
     yield FigureSpec(
-        f"steps-{name}", partial(stitch_figures.draw_accepted_stitches, estimate, false),
+        f"steps-{name}", partial(stitches.draw_accepted_stitches, estimate, false),
         f"The {len(accepted)} stitches of {method} one by one",
         f"The stitches that {method} accepted, one by one: where it put the second submap (orange) in "
         "the frame of the first (blue); black is in both. Red titles: false.",
@@ -173,7 +166,7 @@ def _stitch_spec(estimate: Estimate, stitch: LoopCandidate) -> FigureSpec:
     what = f"Stitch of submap {stitch.b} to {stitch.a} by {estimate.method}"
     return FigureSpec(
         f"stitch-{safe_name(estimate.method)}-{stitch.a}-{stitch.b}",
-        partial(stitch_figures.draw_stitch, estimate, stitch, AlignConfig()),
+        partial(stitches.draw_stitch, estimate, stitch),
         f"{what}: both submaps before and after, their spectra and correlations",
         f"{what}: the submaps before and after, Hough spectra and their correlation, X and Y spectra and "
         "theirs, the score of shifts; dotted: what was chosen.",

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from scenarios.evaluation.maps import map_at
 from scenarios.evaluation.segmentation import segment_gaps, step_deviations, stitch_error
 from scenarios.evaluation.trajectory import aligned
-from scenarios.report.alignment_evidence import AlignedPair, AxisSpectra, state_of
 from scenarios.report.method_attributes import MERGING, colour_indices
+from scenarios.report.stitches import RESOLUTION, AlignedPair, AxisSpectra, state_of
 from scenarios.report.trajectory_figures import covariance_of, to_map_axes
 from sim.record import SimulatedRun
 from slam import se2
@@ -23,7 +23,6 @@ from slam.mapping.occupancy import Grid
 from slam.odometry.track import Track
 from slam.recording import Recording
 from slam.se2 import Array
-from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Stitch
 from stitch.mapping.estimate import Estimate, LoopCandidate
 
@@ -52,7 +51,7 @@ def live_content(
     recording: Recording, estimates: Sequence[Estimate], best: str | None, simulated: SimulatedRun | None
 ) -> Content:
     """The run as plain JSON; ``best`` is the method that is shown first."""
-    rows, config = shown_rows(recording), AlignConfig()
+    rows = shown_rows(recording)
     colours = colour_indices([estimate.method for estimate in estimates])
     return {
         "drive": drive_content(recording, rows, simulated),
@@ -61,7 +60,7 @@ def live_content(
             {
                 **_method_content(recording, rows, estimate),
                 "colour": colour,
-                "stitches": stitch_entries(estimate, recording.truth, config),
+                "stitches": [stitch_entry(estimate, stitch, recording.truth) for stitch in estimate.stitches],
             }
             for estimate, colour in zip(estimates, colours, strict=True)
         ],
@@ -220,13 +219,8 @@ def _cells(recording: Recording, poses: Array) -> tuple[np.ndarray, np.ndarray]:
     return np.floor(ends / CELL).astype(np.int64) % PERIOD, seen
 
 
-def stitch_entries(estimate: Estimate, truth: Array | None, config: AlignConfig) -> list[Content]:
-    """Every stitch a method tried, in the order of trying, with the evidence for it and with errors against
-    ``truth (N, 3)``."""
-    return [_entry(estimate, stitch, truth, config) for stitch in estimate.stitches]
-
-
-def _entry(estimate: Estimate, stitch: LoopCandidate, truth: Array | None, config: AlignConfig) -> Content:
+def stitch_entry(estimate: Estimate, stitch: LoopCandidate, truth: Array | None) -> Content:
+    """A stitch that a method tried, with the evidence for it and with its error against ``truth (N, 3)``."""
     pair, prior, result = AlignedPair.of(estimate, stitch), stitch.prior, stitch.result
     error = None if truth is None else stitch_error(estimate, stitch, truth)
     entry: Content = {
@@ -255,20 +249,17 @@ def _entry(estimate: Estimate, stitch: LoopCandidate, truth: Array | None, confi
             "spectra": [_pack_share(walls.spectrum) for walls in (pair.a, pair.b)],
             "correlation": _pack_share(pair.rotation_correlation()),
             "axes": [_axis(axis) for axis in pair.axis_spectra()],
-            "surface": _surface(pair, config),
+            "surface": None if (surface := pair.score_surface()) is None else _surface(surface),
         }
     return entry
 
 
-def _surface(pair: AlignedPair, config: AlignConfig) -> Content | None:
-    surface = pair.score_surface(config)
-    if surface is None or not surface.agreement.size:
-        return None
-    score = surface.score(config.search.lenient_penalty)
+def _surface(surface: tuple[Array, Array]) -> Content:
+    score, first = surface
     low, top = float(np.median(score)), float(score.max())
     return {
-        "first": _rounded(surface.first),
-        "step": surface.resolution,
+        "first": _rounded(first),
+        "step": RESOLUTION,
         "width": score.shape[1],
         "values": _pack_share(np.clip((score - low) / max(top - low, 1e-9), 0.0, 1.0)),
     }

@@ -13,7 +13,7 @@ from scenarios.report.figures import FigureSpec, run_specs, write_figures
 from scenarios.report.html import script, style, template
 from scenarios.report.live import data_address, live_content, script_safe
 from scenarios.report.method_attributes import BASELINE, OURS
-from scenarios.report.summary import best_method, headline, scores, tabulate, verdict
+from scenarios.report.summary import Headline, headline, scores, tabulate, verdict
 from scenarios.run_folder.write import Run
 from scenarios.stages import Cost
 from sim.record import SimulatedRun
@@ -61,13 +61,13 @@ def render(
     judged, table = headline(metrics), tabulate(metrics)
     live = None
     if estimates:
-        content = live_content(recording, estimates, _shown_first(estimates, metrics), simulated)
+        content = live_content(recording, estimates, _shown_first(estimates, judged), simulated)
         live = Markup(script_safe(content))
     return template("report.html.j2").render(
         recording=recording,
         verdict=verdict(metrics, estimates),
-        scores=scores(metrics, table.methods),
-        judged=judged and judged[1][0].upper() + judged[1][1:],
+        scores=scores(judged, table.methods),
+        judged=judged and judged.words[0].upper() + judged.words[1:],
         table=table,
         baseline=BASELINE,
         figures=[(figure, data_address(figure.files["png"])) for figure in figures],
@@ -80,11 +80,10 @@ def render(
     )  # fmt: skip
 
 
-def _shown_first(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> str | None:
+def _shown_first(estimates: Sequence[Estimate], judged: Headline | None) -> str:
     """The method to open with: the best; where that is dead reckoning, which has nothing to show, or none is
     scored, ours, else the last."""
-    best = best_method(metrics)
-    if best not in (None, BASELINE):
-        return best
+    if judged and judged.best not in (None, BASELINE):
+        return str(judged.best)
     methods = [estimate.method for estimate in estimates]
     return OURS if OURS in methods else methods[-1]

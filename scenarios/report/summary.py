@@ -145,10 +145,25 @@ def _decimals(values: Sequence[float]) -> int:
     return max(0, min(4, 2 - math.floor(math.log10(smallest))))
 
 
-def headline(metrics: Sequence[Metric]) -> tuple[str, str] | None:
-    """The metric a run is judged by, with its name in words: ATE, else the relations, else None."""
-    measured = {metric.name for metric in metrics if metric.value is not None}
-    return next(((name, words) for name, words in HEADLINES if name in measured), None)
+@dataclass(frozen=True)
+class Headline:
+    """The metric a run is judged by, its name in ``words``, every method's score [m], less being better, and
+    the ``best`` method of those that compete: the oracle, which sees truth, does not."""
+
+    name: str
+    words: str
+    scores: dict[str, float]
+    best: str | None
+
+
+def headline(metrics: Sequence[Metric]) -> Headline | None:
+    """The first of `HEADLINES` that any method has; None without."""
+    for name, words in HEADLINES:
+        scores = {m.method: m.value for m in metrics if m.name == name and m.value is not None}
+        if scores:
+            competing = [method for method in scores if method != SEES_TRUTH]
+            return Headline(name, words, scores, min(competing, key=lambda m: scores[m], default=None))
+    return None
 
 
 @dataclass(frozen=True)
@@ -163,41 +178,42 @@ class Score:
     best: bool
 
 
-def best_method(metrics: Sequence[Metric]) -> str | None:
-    """The method with the best score; the oracle, which sees truth, does not compete."""
-    scores = {method: score for method, score in headline_scores(metrics).items() if method != SEES_TRUTH}
-    return min(scores, key=lambda method: scores[method]) if scores else None
-
-
-def scores(metrics: Sequence[Metric], methods: Sequence[str]) -> list[Score]:
+def scores(judged: Headline | None, methods: Sequence[str]) -> list[Score]:
     """Every method's score, the best first, those without one last; none where nothing is judged."""
-    values, best = headline_scores(metrics), best_method(metrics)
-    if not values:
+    if judged is None:
         return []
+    values, base = judged.scores, judged.scores.get(BASELINE)
     colours = dict(zip(methods, colour_indices(methods), strict=True))
     return [
         Score(
             colours[method],
             method,
             _metres(values[method]) if method in values else ABSENT,
-            _versus_baseline(method, values.get(method), values.get(BASELINE)),
-            method == best and len(values) > 1,
+            "dead reckoning" if method == BASELINE else _times(values.get(method), base),
+            method == judged.best and len(values) > 1,
         )
-        for method in sorted(methods, key=lambda method: values.get(method, float("inf")))
+        for method in sorted(methods, key=lambda method: values.get(method, math.inf))
     ]
 
 
-def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> str:
-    """Which method did best and by how much over dead reckoning; its cuts and stitches, and false stitches of
-    all.
+def _times(score: float | None, base: float | None) -> str:
+    """How many times better than the baseline a score is, or worse."""
+    if score is None:
+        return "not scored"
+    if not base or score <= 0.0:
+        return ""
+    return f"{base / score:.3g} times better" if score <= base else f"{score / base:.3g} times worse"
 
-    The oracle does not compete. The cuts are counted in ``estimates``.
-    """
-    judged, best = headline(metrics), best_method(metrics)
+
+def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> str:
+    """Which method did best and by how much over dead reckoning; its cuts (those of ``estimates``) and
+    stitches, and false stitches of all."""
+    judged = headline(metrics)
     if judged is None:
         return (
             "Nothing to score against: the recording has neither truth nor relations. Judge the maps by eye."
         )
+    best = judged.best
     if best is None:
         return f"No method but the {SEES_TRUTH} was scored."
     cuts = next((len(segment_gaps(e.submaps)) for e in estimates if e.method == best and e.submaps), None)
@@ -206,24 +222,25 @@ def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> st
         for m in metrics
         if m.name == "stitches_false" and m.value and m.method != best
     ]
-    ranking = _ranking(best, headline_scores(metrics), judged[1])
-    return " ".join([ranking + _stitching(best, cuts, metrics), *false])
+    return " ".join([_ranking(judged, best) + _stitching(best, cuts, metrics), *false])
 
 
-def headline_scores(metrics: Sequence[Metric]) -> dict[str, float]:
-    """Method -> its score in the metric a run is judged by."""
-    judged = headline(metrics)
-    return {m.method: m.value for m in metrics if judged and m.name == judged[0] and m.value is not None}
-
-
-def _versus_baseline(method: str, score: float | None, base: float | None) -> str:
-    if score is None:
-        return "not scored"
-    if method == BASELINE:
-        return "dead reckoning"
-    if not base or score <= 0.0:
-        return ""
-    return f"{base / score:.3g} times better" if score <= base else f"{score / base:.3g} times worse"
+def _ranking(judged: Headline, best: str) -> str:
+    words, score, base = judged.words, judged.scores[best], judged.scores.get(BASELINE)
+    others = {method: s for method, s in judged.scores.items() if method not in (best, SEES_TRUTH)}
+    if not others:
+        return f"{best}: {words} {_metres(score)}"
+    if best == BASELINE:
+        second = min(others, key=lambda method: others[method])
+        return (
+            f"No method improves on dead reckoning: {words} {_metres(score)}, "
+            f"next is {second} with {_metres(others[second])}"
+        )
+    text = f"{best} is best: {words} {_metres(score)}"
+    if base is None or score <= 0.0:
+        return text
+    digits = 1 if base / score < 10.0 else 0
+    return f"{text}, {base / score:.{digits}f} times better than dead reckoning ({_metres(base)})"
 
 
 def _stitching(best: str, cuts: int | None, metrics: Sequence[Metric]) -> str:
@@ -236,24 +253,6 @@ def _stitching(best: str, cuts: int | None, metrics: Sequence[Metric]) -> str:
     if "stitches_false" in counts:
         parts.append(f"{counts['stitches_false']} false")
     return f"; {', '.join(parts)}."
-
-
-def _ranking(best: str, scores: dict[str, float], words: str) -> str:
-    others = {method: score for method, score in scores.items() if method not in (best, SEES_TRUTH)}
-    if not others:
-        return f"{best}: {words} {_metres(scores[best])}"
-    if best == BASELINE:
-        second = min(others, key=lambda method: others[method])
-        return (
-            f"No method improves on dead reckoning: {words} {_metres(scores[best])}, "
-            f"next is {second} with {_metres(others[second])}"
-        )
-    text = f"{best} is best: {words} {_metres(scores[best])}"
-    if BASELINE in scores and scores[best] > 0.0:
-        times = scores[BASELINE] / scores[best]
-        digits = 1 if times < 10.0 else 0
-        return f"{text}, {times:.{digits}f} times better than dead reckoning ({_metres(scores[BASELINE])})"
-    return text
 
 
 def _metres(value: float) -> str:

@@ -11,9 +11,9 @@ import numpy as np
 
 from scenarios.evaluation.segmentation import false_stitches
 from scenarios.evaluation.trajectory import aligned
-from scenarios.report.alignment_evidence import state_of
 from scenarios.report.live import has_return
 from scenarios.report.method_attributes import MERGING, colour_indices
+from scenarios.report.stitches import state_of
 from scenarios.run_folder.read import read_run
 from slam import se2
 from slam.cli import InputError

@@ -79,9 +79,7 @@ def draw_from_the_side(run: SimulatedRun) -> Figure:
     Beams within 8° of the heading, without noise; the dashed line is where a level laser would have looked.
     """
     scan = _most_pitched(run)
-    pose, angles, ranges = _seen(run, scan)
-    ahead, up = _in_heading_plane(pose, angles, ranges)
-    level = _level_range(run, pose)
+    pose, ahead, up, level = _side_view(run, scan)
     reach = max(1.5, level, float(np.nanmax(np.append(ahead, 0.0))))
     figure, (ax,) = grid(1, 1, WIDTH - LEFT - RIGHT, 2.2, 0.0, 0.0)
     _draw_profile(ax, run, pose, reach)
@@ -197,32 +195,23 @@ def _most_pitched(run: SimulatedRun) -> int:
     return int(np.argmax(np.where(upright, run.tilt[:, 1], -np.inf)))
 
 
-def _seen(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array]:
-    """Pose ``(6,)`` of the laser at a scan, beam angles near the heading, and the true ranges along them."""
+def _side_view(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array, float]:
+    """Pose ``(6,)`` of the laser at a scan; of each beam near the heading the distance ahead and the height
+    of what it truly met, NaN without; and how far a level laser would have seen [m], as far as it is drawn."""
     scanner, world = run.setup.scanner, run.setup.world
     x, y, yaw = _truth(run)[scan]
     ground = height_at(float(x), float(y), world.terrain.field)
     pose = scanner.sensor_poses(np.array([x, y, yaw, *run.tilt[scan], ground]))
     angles = scanner.angles[np.abs(scanner.angles) <= SECTOR]
-    ranges = scanner.caster(world).cast(pose[None], angles + scanner.mount[2], scanner.range_max)[0]
-    return pose, angles, ranges
-
-
-def _level_range(run: SimulatedRun, pose: Array) -> float:
-    """How far a level laser would have seen along the heading, as far as it is drawn [m]."""
-    caster = run.setup.scanner.caster(run.setup.world)
-    level = pose * [1.0, 1.0, 1.0, 0.0, 0.0, 1.0]
-    met = caster.cast(level[None], np.zeros(1), run.setup.scanner.range_max)[0, 0]
-    return float(np.fmin(met, min(run.setup.scanner.range_max, LEVEL_RANGE)))
-
-
-def _in_heading_plane(pose: Array, angles: Array, ranges: Array) -> tuple[Array, Array]:
-    """Distance ahead of the laser and height of each return, NaN without."""
+    caster = scanner.caster(world)
+    ranges = caster.cast(pose[None], angles + scanner.mount[2], scanner.range_max)[0]
     roll, pitch = pose[3], pose[4]
     c, s = np.cos(angles), np.sin(angles)
     ahead = ranges * (np.cos(pitch) * c + np.sin(pitch) * np.sin(roll) * s)
     up = ranges * (-np.sin(pitch) * c + np.cos(pitch) * np.sin(roll) * s)
-    return ahead, pose[5] + up
+    level = pose * [1.0, 1.0, 1.0, 0.0, 0.0, 1.0]
+    met = caster.cast(level[None], np.zeros(1), scanner.range_max)[0, 0]
+    return pose, ahead, pose[5] + up, float(np.fmin(met, min(scanner.range_max, LEVEL_RANGE)))
 
 
 def _draw_profile(ax: Axes, run: SimulatedRun, pose: Array, reach: float) -> None:

@@ -14,7 +14,7 @@ from scenarios.methods import METHODS
 from scenarios.methods.config import MethodConfig
 from scenarios.report import __main__ as report
 from scenarios.report import figures, view
-from scenarios.report.alignment_evidence import AlignedPair
+from scenarios.report.stitches import AlignedPair
 from scenarios.run_folder.arrays import write_submaps
 from scenarios.run_folder.read import read_run
 from slam.cli import InputError

@@ -11,7 +11,7 @@ from scenarios.evaluation.metric import Metric
 from scenarios.report.figures import figure_titles, run_specs
 from scenarios.report.page import render
 from scenarios.report.style import panels, png
-from scenarios.report.summary import scores, tabulate, verdict
+from scenarios.report.summary import headline, scores, tabulate, verdict
 from scenarios.report.trajectory_figures import draw_confidence, draw_maps, draw_trajectories
 from scenarios.stages import Cost
 from slam.colours import BLACK, BLUE, ORANGE, VERMILLION
@@ -201,7 +201,7 @@ def test_verdict_tells_of_cuts_and_stitches(estimates):
 def test_scores_are_told_beside_dead_reckoning_the_best_first():
     values = {"ins": 0.5, "wsm": 1.0, "mine": 0.25, "oracle": 0.1}
     metrics = [m for name, v in values.items() for m in to_metrics(name, {"ate_rmse": v})]
-    found = scores(metrics, [*values, "unscored"])
+    found = scores(headline(metrics), [*values, "unscored"])
     assert [(s.method, s.versus, s.best) for s in found] == [
         ("oracle", "5 times better", False),
         ("mine", "2 times better", True),
@@ -210,7 +210,7 @@ def test_scores_are_told_beside_dead_reckoning_the_best_first():
         ("unscored", "not scored", False),
     ]
     assert len({s.colour for s in found}) == 5
-    assert scores([], ["ins"]) == []
+    assert scores(headline([]), ["ins"]) == []
 
 
 def test_differences_are_to_dead_reckoning():

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.evaluation.segmentation import segment_gaps
-from scenarios.report.alignment_evidence import RESOLUTION, AlignedPair, Walls, merged_walls
 from scenarios.report.chapter3 import points_on, rasterise_points, rooms
 from scenarios.report.live import (
     GAPS,
@@ -26,13 +25,13 @@ from scenarios.report.live import (
     pack_bits,
     script_safe,
     shown_rows,
-    stitch_entries,
+    stitch_entry,
 )
+from scenarios.report.stitches import RESOLUTION, AlignedPair, Walls, merged_walls
 from scenarios.report.trajectory_figures import ellipses, to_map_axes
 from slam import se2
 from slam.mapping.occupancy import Grid
 from slam.recording import Laser, Recording
-from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import NoStitch, Stitch
 from stitch.mapping.estimate import Estimate, LoopCandidate
 
@@ -166,15 +165,14 @@ def estimate() -> Estimate:
 
 
 def test_every_stitch_tells_what_became_of_it(estimate):
-    found = stitch_entries(estimate, estimate.poses, AlignConfig())
+    found = [stitch_entry(estimate, stitch, estimate.poses) for stitch in estimate.stitches]
     assert [one["state"] for one in found] == ["accepted", "false", "rejected", "refused"]
     assert found[1]["error"][0] == pytest.approx(1.0)
     assert found[0]["before"] == [1.0, 0.0, 0.0]
     assert found[3]["reason"] == "no candidate"
     assert "evidence" not in found[3]
-    assert [one["state"] for one in stitch_entries(estimate, None, AlignConfig())] == [
-        "accepted", "accepted", "rejected", "refused",
-    ]  # fmt: skip
+    blind = [stitch_entry(estimate, stitch, None)["state"] for stitch in estimate.stitches]
+    assert blind == ["accepted", "accepted", "rejected", "refused"]
 
 
 def test_the_evidence_peaks_at_the_true_alignment(estimate):
@@ -186,10 +184,10 @@ def test_the_evidence_peaks_at_the_true_alignment(estimate):
     for axis in pair.axis_spectra():
         best = axis.first_shift + RESOLUTION * int(np.argmax(axis.correlation))
         assert best == pytest.approx(axis.shift, abs=2 * RESOLUTION)
-    found = pair.score_surface(AlignConfig())
-    row, column = np.unravel_index(int(np.argmax(found.agreement)), found.agreement.shape)
-    np.testing.assert_allclose(found.translations()[row, column], T[:2], atol=2 * RESOLUTION)
-    assert replace(pair, a=replace(a, grid=None)).score_surface(AlignConfig()) is None
+    score, first = pair.score_surface()
+    row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+    np.testing.assert_allclose(first + RESOLUTION * np.array([column, row]), T[:2], atol=2 * RESOLUTION)
+    assert replace(pair, a=replace(a, grid=None)).score_surface() is None
 
 
 def test_a_piece_of_htms_is_shown_with_all_before_it(estimate):
