@@ -113,19 +113,13 @@ def _cumulated(scores: Array, lost: np.ndarray, weights: Array) -> tuple[Array, 
     order = np.argsort(-scores, kind="stable")
     thresholds = scores[order]
     last = np.append(thresholds[1:] != thresholds[:-1], True)  # inf - inf is no number: compare
-    return (
-        thresholds[last],
-        np.cumsum((weights * lost)[order])[last],
-        np.cumsum(weights[order])[last],
-    )
+    return thresholds[last], np.cumsum((weights * lost)[order])[last], np.cumsum(weights[order])[last]
 
 
 def _checked(scores: Array, lost: np.ndarray) -> tuple[Array, np.ndarray]:
     scores, lost = _checked_scores(scores), np.asarray(lost)
     if scores.shape != lost.shape or lost.dtype != bool:
-        raise ValueError(
-            f"expected scores and bool of one shape, got {scores.shape}, {lost.shape} {lost.dtype}"
-        )
+        raise ValueError(f"expected bool of one shape, {scores.shape}, got {lost.shape} {lost.dtype}")
     return scores, lost
 
 

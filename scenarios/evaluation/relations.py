@@ -66,9 +66,8 @@ def relations_from_truth(truth: Array) -> RelativePoses:
     near = near[travelled[near[:, 1]] - travelled[near[:, 0]] > REVISIT_PATH]
     near = near[np.lexsort((near[:, 1], near[:, 0]))]
     rows = np.concatenate([steps, near[:: -(-len(near) // n) or 1]])
-    return RelativePoses(
-        rows, se2.between(truth[rows[:, 0]], truth[rows[:, 1]]), np.ones(len(rows), dtype=bool)
-    )
+    T_12 = se2.between(truth[rows[:, 0]], truth[rows[:, 1]])
+    return RelativePoses(rows, T_12, np.ones(len(rows), dtype=bool))
 
 
 def relations_from_stamps(relations: Relations, odometry: Odometry) -> RelativePoses:
@@ -90,10 +89,14 @@ def relations_from_stamps(relations: Relations, odometry: Odometry) -> RelativeP
         raise ValueError(
             f"none of the {len(known)} relations has both stamps within {STAMP_TOLERANCE} s of the odometry"
         )
-    first = np.searchsorted(time, relations.stamps - CLEAR_WINDOW, side="left")
-    last = np.searchsorted(time, relations.stamps + CLEAR_WINDOW, side="right")
-    clear = np.all(last - first <= 1, axis=1)
+    clear = np.all(_unambiguous(relations.stamps, time), axis=1)
     return RelativePoses(order[nearest[known]], relations.T_12[known], clear[known])
+
+
+def _unambiguous(stamps: Array, time: Array) -> np.ndarray:
+    """Where no more than one of the sorted ``time (M,)`` lies within `CLEAR_WINDOW` of each stamp."""
+    first = np.searchsorted(time, stamps - CLEAR_WINDOW, side="left")
+    return np.searchsorted(time, stamps + CLEAR_WINDOW, side="right") - first <= 1
 
 
 def clear_relations(recording: Recording) -> Relations | None:
@@ -110,10 +113,7 @@ def clear_relations(recording: Recording) -> Relations | None:
     if recording.odometry is not None:
         own = recording.odometry.time[recording.odometry.scan_row] == stamps
         stamps = np.concatenate([recording.odometry.time, stamps[~own]])
-    stamps = np.sort(stamps)
-    near = np.searchsorted(stamps, recording.time + CLEAR_WINDOW, side="right")
-    near -= np.searchsorted(stamps, recording.time - CLEAR_WINDOW, side="left")
-    clear = np.all(near[pairs.rows] <= 1, axis=1)
+    clear = np.all(_unambiguous(recording.time, np.sort(stamps))[pairs.rows], axis=1)
     return Relations(recording.time[pairs.rows[clear]], pairs.T_12[clear]) if np.any(clear) else None
 
 
@@ -131,16 +131,12 @@ def carry(poses: Array, odometry: Odometry) -> Array:
     motion = odometry.poses
     predicted = se2.compose(poses[last], se2.between(motion[start], motion[stop]))
     correction = se2.log(se2.between(predicted, poses[following]))
-    path = se2.path_length(motion) + TURN_LENGTH * _turned(motion)
+    turned = np.cumsum(np.abs(se2.wrap(np.diff(motion[:, 2], prepend=motion[0, 2]))))
+    path = se2.path_length(motion) + TURN_LENGTH * turned
     span = path[stop] - path[start]
     share = np.divide(path - path[start], span, out=np.zeros(len(span)), where=span > 0.0)
     carried = se2.compose(poses[last], se2.between(motion[start], motion))
     return se2.compose(carried, se2.exp(np.clip(share, 0.0, 1.0)[:, None] * correction))
-
-
-def _turned(poses: Array) -> Array:
-    """Angle [rad] turned up to each of the poses ``(M, 3)``, either way."""
-    return np.concatenate([[0.0], np.cumsum(np.abs(se2.wrap(np.diff(poses[:, 2]))))])
 
 
 def relation_pairs(recording: Recording) -> RelativePoses | None:
@@ -174,9 +170,8 @@ def relation_metrics(poses: Array, recording: Recording, pairs: RelativePoses | 
 
 
 def _summary(names: Iterable[str], translation: Array, rotation: Array) -> Values:
-    return dict(
-        zip(names, (translation.mean(), translation.std(), rotation.mean(), rotation.std()), strict=True)
-    )
+    numbers = translation.mean(), translation.std(), rotation.mean(), rotation.std()
+    return dict(zip(names, numbers, strict=True))
 
 
 def _odometry(recording: Recording) -> Odometry:

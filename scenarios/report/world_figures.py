@@ -197,7 +197,7 @@ def _most_pitched(run: SimulatedRun) -> int:
 
 def _side_view(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array, float]:
     """Pose ``(6,)`` of the laser at a scan; of each beam near the heading the distance ahead and the height
-    of what it truly met, NaN without; and how far a level laser would have seen [m], as far as it is drawn."""
+    of what it truly met, NaN without; and how far a level laser would have seen, as far as is drawn [m]."""
     scanner, world = run.setup.scanner, run.setup.world
     x, y, yaw = _truth(run)[scan]
     ground = height_at(float(x), float(y), world.terrain.field)

@@ -53,18 +53,17 @@ def prepare(out: Path, name: str) -> Iterator[Folder]:
     Raises `InputError` where the file system cannot be written.
     """
     created = [folder for folder in (out, *out.parents) if not folder.exists()]
-    temporary = None
+    began = False
     try:
         out.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=out))
-        yield Folder(temporary, out / safe_name(name))
+        with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=out) as temporary:
+            began = True
+            yield Folder(Path(temporary), out / safe_name(name))
     except OSError as error:
-        if temporary is not None and error.errno not in DISK_ERRORS:
+        if began and error.errno not in DISK_ERRORS:
             raise
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
     finally:
-        if temporary is not None and temporary.exists():
-            shutil.rmtree(temporary)
         for folder in created:
             if folder.is_dir() and not any(folder.iterdir()):
                 folder.rmdir()

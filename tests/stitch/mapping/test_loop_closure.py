@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.run_folder.stitches import stitch_to_json
+from scenarios.run_folder.write import stitch_to_json
 from slam import se2
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping.occupancy import Grid
