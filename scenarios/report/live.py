@@ -266,11 +266,12 @@ def _surface(surface: tuple[Array, Array]) -> Content:
 
 
 def _axis(axis: AxisSpectra) -> Content:
-    share = axis.correlation / max(float(axis.correlation.max()), 1.0)
+    (first_a, a), (first_b, b), (first, correlation) = axis.a, axis.b, axis.correlation
+    share = correlation / max(float(correlation.max()), 1.0)
     return {
-        "a": [round(axis.first_a, 3), pack(axis.a, "u2")],
-        "b": [round(axis.first_b, 3), pack(axis.b, "u2")],
-        "correlation": [round(axis.first_shift, 3), _pack_share(share)],
+        "a": [round(first_a, 3), pack(a, "u2")],
+        "b": [round(first_b, 3), pack(b, "u2")],
+        "correlation": [round(first, 3), _pack_share(share)],
         "shift": round(axis.shift, 3),
     }
 

@@ -5,7 +5,7 @@ stitches one by one (A.3), one stitch with its spectra (5.4, 5.5, 5.13) and its 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from scenarios.report.method_attributes import MERGING
-from scenarios.report.style import FONT, WIDTH, fix_axes, set_title
+from scenarios.report.style import FONT, WIDTH, box, fix_axes, set_title
 from slam import se2
 from slam.colours import BLACK, BLUE, GREY, ORANGE, VERMILLION
 from slam.mapping.occupancy import Grid
@@ -60,17 +60,17 @@ class Walls:
         return hough.spectrum(hough.transform(self.points, DIRECTIONS, RESOLUTION, split=False))
 
 
+Curve = tuple[float, Array]
+"""Where the first of the values ``(n,)`` lies [m], and the values, `RESOLUTION` apart."""
+
+
 @dataclass(frozen=True)
 class AxisSpectra:
-    """Spectra of both maps along one direction, and their correlation: values and where the first lies [m],
-    in steps of `RESOLUTION`."""
+    """Spectra of both maps along one direction, their correlation, and the ``shift`` of b [m]."""
 
-    a: Array
-    first_a: float
-    b: Array
-    first_b: float
-    correlation: Array
-    first_shift: float
+    a: Curve
+    b: Curve
+    correlation: Curve
     shift: float
 
 
@@ -107,6 +107,10 @@ class AlignedPair:
         """``T_a_b`` where there is one."""
         assert self.T_a_b is not None
         return self.T_a_b
+
+    def layers(self) -> list[tuple[Array, str, str]]:
+        """`pair_layers` of both maps where the alignment puts them, in the frame of a."""
+        return pair_layers(self.a.points, se2.transform(self.alignment, self.b.points))
 
     def rotation_correlation(self) -> Array:
         """Circular cross-correlation ``(180,)`` of the Hough spectra, largest 1; bin k is a turn of b by
@@ -173,9 +177,12 @@ def _along_axis(a: Array, b: Array, shift: float) -> AxisSpectra:
     counts_a, first_a = profile(a, RESOLUTION)
     counts_b, first_b = profile(b, RESOLUTION)
     shifts, correlation = correlation_along(a, b, RESOLUTION)
-    return AxisSpectra(
-        counts_a, first_a * RESOLUTION, counts_b, first_b * RESOLUTION, correlation, float(shifts[0]), shift
+    curves = (
+        (first_a * RESOLUTION, counts_a),
+        (first_b * RESOLUTION, counts_b),
+        (float(shifts[0]), correlation),
     )
+    return AxisSpectra(*curves, shift)
 
 
 @dataclass(frozen=True)
@@ -189,10 +196,11 @@ class Tile:
 
 def draw_submaps(estimate: Estimate) -> Figure:
     """Every submap in its own frame (thesis, figure A.2)."""
-    return draw_sheet(
+    tiles = [
         Tile(f"{k}: {submap.start} to {submap.stop - 1}", ((submap.grid.occupied_points(), BLACK),))
         for k, submap in enumerate(estimate.submaps)
-    )
+    ]
+    return draw_sheet(tiles)
 
 
 def draw_accepted_stitches(estimate: Estimate, false: frozenset[int] = frozenset()) -> Figure:
@@ -200,19 +208,15 @@ def draw_accepted_stitches(estimate: Estimate, false: frozenset[int] = frozenset
 
     ``false`` are the indices into the estimate's stitches whose titles are red.
     """
-    return draw_sheet(
-        _stitch_tile(estimate, stitch, VERMILLION if k in false else BLACK)
-        for k, stitch in enumerate(estimate.stitches)
-        if stitch.accepted
-    )
-
-
-def _stitch_tile(estimate: Estimate, stitch: LoopCandidate, colour: str) -> Tile:
-    """A stitch on a tile: a blue, b orange, both black."""
-    pair = AlignedPair.of(estimate, stitch)
-    a = f"0…{stitch.b - 1}" if estimate.method in MERGING else f"{stitch.a}"
-    layers = tuple((points, layer) for points, layer, _ in _aligned_layers(pair))
-    return Tile(f"{a} ← {stitch.b}", layers, colour)
+    tiles = []
+    for k, stitch in enumerate(estimate.stitches):
+        if stitch.accepted:
+            a = f"0…{stitch.b - 1}" if estimate.method in MERGING else f"{stitch.a}"
+            layers = tuple(
+                (points, colour) for points, colour, _ in AlignedPair.of(estimate, stitch).layers()
+            )
+            tiles.append(Tile(f"{a} ← {stitch.b}", layers, VERMILLION if k in false else BLACK))
+    return draw_sheet(tiles)
 
 
 def draw_stitch(estimate: Estimate, stitch: LoopCandidate) -> Figure:
@@ -235,7 +239,7 @@ def draw_stitch(estimate: Estimate, stitch: LoopCandidate) -> Figure:
         fix_axes(panel)
     moved = se2.transform(pair.before, pair.b.points)
     _draw_walls(ax["before"], [(pair.a.points, BLUE, "a"), (moved, ORANGE, "b")], "before")
-    _draw_walls(ax["after"], _aligned_layers(pair), "after")
+    _draw_walls(ax["after"], pair.layers(), "after")
     ax["after"].legend(
         fontsize=FONT["tick"], frameon=False, ncols=3, markerscale=4, loc="lower right", borderpad=0.0,
         bbox_to_anchor=(1.0, 1.0), handletextpad=0.1, columnspacing=0.8,
@@ -248,29 +252,18 @@ def draw_stitch(estimate: Estimate, stitch: LoopCandidate) -> Figure:
     return figure
 
 
-def _aligned_layers(pair: AlignedPair) -> list[tuple[Array, str, str]]:
-    return pair_layers(pair.a.points, se2.transform(pair.alignment, pair.b.points))
-
-
 def pair_layers(a: Array, b: Array) -> list[tuple[Array, str, str]]:
     """Walls ``(n, 2)`` and ``(m, 2)`` of two submaps in one frame: what a has, what only b has, and what of
     b both have, with colour and label."""
-    both = in_both(a, b)
+    both = np.zeros(len(b), dtype=bool)
+    if len(a) and len(b):
+        both = np.isfinite(cKDTree(a).query(b, distance_upper_bound=SAME_WALL)[0])
     return [(a, BLUE, "a"), (b[~both], ORANGE, "b"), (b[both], BLACK, "both")]
-
-
-def in_both(a: Array, b: Array) -> np.ndarray:
-    """Which of the wall points ``b (m, 2)`` are also in ``a (n, 2)``, ``(m,)`` bool."""
-    if len(a) == 0 or len(b) == 0:
-        return np.zeros(len(b), dtype=bool)
-    return np.isfinite(cKDTree(a).query(b, distance_upper_bound=SAME_WALL)[0])
 
 
 def _draw_walls(ax: Axes, layers: Sequence[tuple[Array, str, str]], title: str) -> None:
     for points, colour, label in layers:
-        ax.scatter(
-            points[:, 0], points[:, 1], s=2.0, color=colour, linewidths=0, label=label, rasterized=True
-        )
+        ax.scatter(*points.T, s=2.0, color=colour, linewidths=0, label=label, rasterized=True)
     ax.set_aspect("equal", adjustable="datalim")
     set_title(ax, title, "left")
 
@@ -292,12 +285,13 @@ def _draw_rotation(above: Axes, below: Axes, pair: AlignedPair) -> None:
 
 def _draw_axis(left: Axes, right: Axes, axis: AxisSpectra, name: str) -> None:
     """X or Y spectra, b's where it was put, and their correlation (thesis, figure 5.5)."""
-    for counts, first, colour in ((axis.a, axis.first_a, BLUE), (axis.b, axis.first_b + axis.shift, ORANGE)):
-        x = first + (np.arange(len(counts)) + 0.5) * RESOLUTION
+    for (first, counts), shift, colour in ((axis.a, 0.0, BLUE), (axis.b, axis.shift, ORANGE)):
+        x = first + shift + (np.arange(len(counts)) + 0.5) * RESOLUTION
         left.plot(x, counts, color=colour, linewidth=0.9)
     set_title(left, f"{name} spectra [m]", "left")
-    shifts = axis.first_shift + np.arange(len(axis.correlation)) * RESOLUTION
-    _draw_correlation(right, shifts, axis.correlation, axis.shift)
+    first, correlation = axis.correlation
+    shifts = first + np.arange(len(correlation)) * RESOLUTION
+    _draw_correlation(right, shifts, correlation, axis.shift)
     set_title(right, f"{name} correlation: {axis.shift:.2f} m", "left")
 
 
@@ -316,9 +310,8 @@ def _draw_surface(ax: Axes, score: Array, first: Array, T: Array) -> None:
     set_title(ax, f"score within {REACH:.0f} m", "left")
 
 
-def draw_sheet(drawn: Iterable[Tile]) -> Figure:
+def draw_sheet(tiles: Sequence[Tile]) -> Figure:
     """The tiles in rows, the first `MAX_TILES` of them; each title with the larger side of what it shows."""
-    tiles = list(drawn)
     shown = tiles[:MAX_TILES]
     columns = min(COLUMNS, max(len(shown), 3))
     rows = math.ceil(len(shown) / columns)
@@ -331,7 +324,8 @@ def draw_sheet(drawn: Iterable[Tile]) -> Figure:
     by_colour: dict[str, list[Array]] = {}
     for i, tile in enumerate(shown):
         corner = np.array([i % columns, -(i // columns) * (1.0 + TITLE_SHARE)])
-        middle, size = _box(tile)
+        middle, sides = box(np.concatenate([points for points, _ in tile.layers]))
+        size = max(float(sides.max()), 1.0)
         for points, colour in tile.layers:
             placed = corner + [0.5, -TITLE_SHARE - 0.5] + MAP_SHARE * (points - middle) / size
             by_colour.setdefault(colour, []).append(placed)
@@ -347,12 +341,3 @@ def draw_sheet(drawn: Iterable[Tile]) -> Figure:
         left_out = f"and {len(tiles) - MAX_TILES} more"
         ax.text(columns / 2, 0.1 - height / side, left_out, fontsize=FONT["tick"], ha="center")
     return figure
-
-
-def _box(tile: Tile) -> tuple[Array, float]:
-    """Middle ``(2,)`` and larger side [m] of what a tile shows."""
-    points = np.concatenate([points for points, _ in tile.layers])
-    if len(points) == 0:
-        return np.zeros(2), 1.0
-    low, high = points.min(axis=0), points.max(axis=0)
-    return (low + high) / 2.0, max(float((high - low).max()), 1.0)

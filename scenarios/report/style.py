@@ -7,10 +7,13 @@ import math
 from collections.abc import Sequence
 from typing import Literal
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import ScaledTranslation
+
+from slam.se2 import Array
 
 WIDTH = 11.0
 """Width of a figure [inch]."""
@@ -74,6 +77,12 @@ def grid(
     for ax in axes:
         fix_axes(ax)
     return figure, axes
+
+
+def box(points: Array) -> tuple[Array, Array]:
+    """Centre and size ``(2,)`` m of the box around points ``(n, 2)``, zero around none."""
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+    return (low + high) / 2.0, high - low
 
 
 def add_legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:

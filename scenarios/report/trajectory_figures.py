@@ -15,7 +15,7 @@ from scipy.stats import chi2
 from scenarios.evaluation.maps import RESOLUTION, cells_found, map_at, occupied_cells, true_map
 from scenarios.evaluation.segmentation import segment_gaps
 from scenarios.evaluation.trajectory import aligned
-from scenarios.report.style import FONT, LEFT, RIGHT, TICKS, WIDTH, add_legend, grid, panels, set_title
+from scenarios.report.style import FONT, LEFT, RIGHT, TICKS, WIDTH, add_legend, box, grid, panels, set_title
 from slam import se2
 from slam.colours import BLACK, BLUE, GREY, ORANGE, SKY, VERMILLION
 from slam.odometry.track import Verdict
@@ -31,6 +31,7 @@ ELLIPSE_SCALE = 10
 """How much larger than true the ellipses are drawn: centimetres would not show."""
 ELLIPSE_SPACING = 0.5
 """Path between two ellipses [m]."""
+CENTRED: dict[str, Any] = {"fontsize": FONT["label"], "ha": "center"}
 CONFIDENCE = (
     ("trace2", "trace [m²]", "log"),
     ("det2", "determinant [m⁴]", "log"),
@@ -160,20 +161,15 @@ def ellipses(poses: Array, covariance: Array, scale: float = 1.0) -> Array:
 
 def _panels(drawings: Sequence[Array], titles: Sequence[str]) -> tuple[Figure, list[Axes]]:
     """A panel for each set of points ``(n, >= 2)`` m, all of one height over width, which shows all of it."""
-    boxes = [_box(points[:, :2]) for points in drawings]
-    aspect = float(np.clip(np.median([size[1] / size[0] for _, size in boxes]), 0.3, 2.5))
+    boxes = [box(points[:, :2]) for points in drawings]
+    sizes = [size + 2.0 * MARGIN for _, size in boxes]
+    aspect = float(np.clip(np.median([height / width for width, height in sizes]), 0.3, 2.5))
     figure, axes = panels(len(boxes), aspect)
-    for ax, ((x, y), size), title in zip(axes, boxes, titles, strict=True):
-        half = max(size[0], size[1] / aspect) / 2.0
+    for ax, ((x, y), _), (width, height), title in zip(axes, boxes, sizes, titles, strict=True):
+        half = max(width, height / aspect) / 2.0
         ax.axis((float(x - half), float(x + half), float(y - half * aspect), float(y + half * aspect)))
         set_title(ax, title)
     return figure, axes
-
-
-def _box(points: Array) -> tuple[Array, Array]:
-    """Centre and size ``(2,)`` m of the box around points, with a margin."""
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
-    return (low + high) / 2.0, high - low + 2.0 * MARGIN
 
 
 def _spaced(path: Array, known: np.ndarray) -> np.ndarray:
@@ -198,7 +194,7 @@ def _centres(cells: np.ndarray | None) -> Array:
 def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None) -> None:
     """Walls as squares of a cell's side on paper, at least of what can be seen."""
     if cells is None:
-        _note(ax, 0.5, 0.5, "map too large to draw", FONT["label"], ha="center")
+        ax.text(0.5, 0.5, "map too large to draw", transform=ax.transAxes, **CENTRED)
         return
     layers = [(cells, BLACK)]
     if truth is not None:
@@ -214,11 +210,8 @@ def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None) ->
     x, y = _centres(cells).T
     outside = np.mean((x < left) | (x > right) | (y < low) | (y > high)) if len(cells) else 0.0
     if outside >= 0.005:
-        _note(ax, 0.02, 0.02, f"{outside:.0%} of the walls lie outside", FONT["tick"])
-
-
-def _note(ax: Axes, x: float, y: float, text: str, size: int, **style: Any) -> None:
-    ax.text(x, y, text, transform=ax.transAxes, fontsize=size, **style)
+        note = f"{outside:.0%} of the walls lie outside"
+        ax.text(0.02, 0.02, note, transform=ax.transAxes, fontsize=FONT["tick"])
 
 
 def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarray, scale: str) -> None:
@@ -232,7 +225,7 @@ def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarr
     shown = np.where(drawable, values, np.nan)
     ax.plot(scans, shown, color=BLACK, linewidth=0.5, marker=".", markersize=2.5, markevery=alone)
     if not np.any(drawable):
-        _note(ax, 0.5, 0.5, "no step was matched", FONT["label"], ha="center")
+        ax.text(0.5, 0.5, "no step was matched", transform=ax.transAxes, **CENTRED)
     elif scale == "linear":
         ax.set_ylim(bottom=0.0)
     dots: dict[str, Any] = {"color": VERMILLION, "marker": "o", "markersize": 5, "linestyle": "none"}
