@@ -34,11 +34,9 @@ DEFINITIONS: dict[str, Definition] = {**JUDGED, **COST}
 
 
 def evaluate(recording: Recording, estimates: Sequence[Estimate | NoEstimate]) -> list[Metric]:
-    """Every metric of every method, in the order of the methods; null where a method has no answer.
-
-    Raises ``ValueError`` when an estimate has not one pose per scan, and when the recording's relations match
-    nothing in it.
-    """
+    """Every metric of every method, in the order of the methods; null where a method has no answer. Raises
+    ``ValueError`` when an estimate has not one pose per scan, and when the recording's relations match
+    nothing in it."""
     truth = recording.truth
     pairs, truth_map = relations.relation_pairs(recording), maps.true_map(recording)
     metrics: list[Metric] = []

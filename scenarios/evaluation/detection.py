@@ -46,10 +46,8 @@ def decided(called: np.ndarray, lost: np.ndarray) -> Decision:
 
 
 def roc_auc(scores: Array, lost: np.ndarray) -> float:
-    """Chance that a lost step scores above one that is not, a tie counting half (Mann & Whitney 1947).
-
-    NaN where all steps are of one kind.
-    """
+    """Chance that a lost step scores above one that is not, a tie counting half (Mann & Whitney 1947). NaN
+    where all steps are of one kind."""
     scores, lost = _checked(scores, lost)
     positive = int(lost.sum())
     pairs = positive * (len(lost) - positive)
@@ -87,11 +85,9 @@ def spearman(a: Array, b: Array) -> float:
 
 
 def best_threshold(scores: Array, lost: np.ndarray, weights: Array) -> float:
-    """Largest threshold above which calling steps lost has the best F1, steps weighing ``weights (n,)``.
-
-    What exceeds the threshold is called, and a score of +inf in any case: the answer is +inf where nothing
-    else is worth calling. Raises ``ValueError`` where no step is lost.
-    """
+    """Largest threshold above which calling steps lost has the best F1, steps weighing ``weights (n,)``. What
+    exceeds the threshold is called, and a score of +inf in any case: the answer is +inf where nothing else is
+    worth calling. Raises ``ValueError`` where no step is lost."""
     steps, right, called = _cumulated(scores, lost, weights)
     f1 = 2.0 * right / (called + np.sum(weights * lost))
     # calling what is at least steps[k], so what exceeds a number below it

@@ -64,11 +64,9 @@ def occupied_cells(grid: Grid) -> np.ndarray:
 
 
 def compare(estimate: np.ndarray, truth: np.ndarray, resolution: float) -> Values:
-    """``map_f1``, ``map_iou`` and ``map_chamfer`` [m] of two non-empty sets of cells ``(n, 2)``.
-
-    F1 is of precision and recall with a tolerance of one cell, IoU of both sets widened by one cell, chamfer
-    the mean of the mean distances to the nearest cell of the other set, both ways.
-    """
+    """``map_f1``, ``map_iou`` and ``map_chamfer`` [m] of two non-empty sets of cells ``(n, 2)``. F1 is of
+    precision and recall with a tolerance of one cell, IoU of both sets widened by one cell, chamfer the mean
+    of the mean distances to the nearest cell of the other set, both ways."""
     a, b = _widened(estimate), _widened(truth)
     both = len(np.intersect1d(a, b, assume_unique=True))
     distance = (cKDTree(truth).query(estimate)[0].mean() + cKDTree(estimate).query(truth)[0].mean()) / 2.0

@@ -26,11 +26,9 @@ class Definition:
 
 @dataclass(frozen=True)
 class Metric:
-    """A number about a method, or the reason why there is none (``value`` None).
-
-    ``better`` is None where neither direction is. Raises ``ValueError`` for a value that is not finite, and
-    for a value with a reason or neither.
-    """
+    """A number about a method, or the reason why there is none (``value`` None). ``better`` is None where
+    neither direction is. Raises ``ValueError`` for a value that is not finite, and for a value with a reason
+    or neither."""
 
     name: str
     value: float | None

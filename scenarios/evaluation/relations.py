@@ -43,10 +43,8 @@ DEFINITIONS = ALL | CLEAR
 
 @dataclass(frozen=True)
 class RelativePoses:
-    """Relative poses ``T_12 (K, 3)`` between ``rows (K, 2)`` of a list of poses.
-
-    ``clear (K,)`` is True where it is beyond doubt which rows are meant.
-    """
+    """Relative poses ``T_12 (K, 3)`` between ``rows (K, 2)`` of a list of poses. ``clear (K,)`` is True where
+    it is beyond doubt which rows are meant."""
 
     rows: np.ndarray
     T_12: Array
@@ -54,11 +52,9 @@ class RelativePoses:
 
 
 def relations_from_truth(truth: Array) -> RelativePoses:
-    """Relations between scans from ``truth (N, 3)``: all consecutive ones, and revisits of places.
-
-    A revisit is a pair within 1 m after more than 10 m of driving; of these every k-th is kept, so that there
-    are no more of them than scans.
-    """
+    """Relations between scans from ``truth (N, 3)``: all consecutive ones, and revisits of places. A revisit
+    is a pair within 1 m after more than 10 m of driving; of these every k-th is kept, so that there are no
+    more of them than scans."""
     n = len(truth)
     steps = np.stack([np.arange(n - 1), np.arange(1, n)], -1)
     near = cKDTree(truth[:, :2]).query_pairs(REVISIT_DISTANCE, output_type="ndarray").reshape(-1, 2)
@@ -101,10 +97,8 @@ def _unambiguous(stamps: Array, time: Array) -> np.ndarray:
 
 def clear_relations(recording: Recording) -> Relations | None:
     """The recording's own relations, else those of its truth with stamps beyond doubt; None without either.
-
-    Like the benchmark's they are between poses of the laser. A stamp with a second odometry record within
-    10 ms is left out (Kümmerle et al. 2009 name poses by their stamps alone).
-    """
+    Like the benchmark's they are between poses of the laser. A stamp with a second odometry record within 10
+    ms is left out (Kümmerle et al. 2009 name poses by their stamps alone)."""
     if recording.relations is not None or recording.truth is None or len(recording) < 2:
         return recording.relations
     truth = se2.compose(recording.truth, recording.laser.T_robot_laser)
@@ -150,10 +144,8 @@ def relation_pairs(recording: Recording) -> RelativePoses | None:
 
 def relation_metrics(poses: Array, recording: Recording, pairs: RelativePoses | None) -> Values:
     """Mean and standard deviation of the errors of ``poses (N, 3)`` over all and over the clear relations.
-
-    Relations of a file are between poses of the laser: they were made by aligning its scans by hand
-    (Kümmerle et al. 2009). Those from truth are between the robot's.
-    """
+    Relations of a file are between poses of the laser: they were made by aligning its scans by hand (Kümmerle
+    et al. 2009). Those from truth are between the robot's."""
     if pairs is None:
         return absent(DEFINITIONS, "the recording has neither relations nor truth of two scans")
     at_rows = poses

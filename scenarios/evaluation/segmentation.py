@@ -87,10 +87,8 @@ def _worst(poses: Array, truth: Array) -> tuple[float, float]:
 
 
 def segment_gaps(submaps: Sequence[Submap]) -> list[tuple[int, int]]:
-    """First and last scan of every stretch between two submaps that belongs to none.
-
-    Where two submaps touch, the drive was divided but not cut.
-    """
+    """First and last scan of every stretch between two submaps that belongs to none. Where two submaps touch,
+    the drive was divided but not cut."""
     return [(a.stop, b.start - 1) for a, b in pairwise(submaps) if a.stop < b.start]
 
 
@@ -108,11 +106,9 @@ class StitchError:
 
 
 def stitch_error(estimate: Estimate, stitch: LoopCandidate, truth: Array) -> StitchError | None:
-    """The error of a tried stitch against ``truth (N, 3)``; None where no alignment was found.
-
-    A submap's frame is the robot's pose at its first scan, so the true alignment is that between the true
-    poses there.
-    """
+    """The error of a tried stitch against ``truth (N, 3)``; None where no alignment was found. A submap's
+    frame is the robot's pose at its first scan, so the true alignment is that between the true poses
+    there."""
     if not isinstance(stitch.result, Stitch):
         return None
     a, b = estimate.submaps[stitch.a].start, estimate.submaps[stitch.b].start

@@ -55,11 +55,9 @@ ONLINE = {
 
 
 def align(poses: Array, truth: Array) -> Array:
-    """``T_truth_estimate (3,)`` that aligns positions, least squares without scale (Umeyama 1991).
-
-    ``poses`` and ``truth`` are ``(N, 3)``. Where the positions do not fix a rotation (a robot that stood
-    still) the headings do. Raises ``ValueError`` when the shapes differ or a pose is not finite.
-    """
+    """``T_truth_estimate (3,)`` that aligns positions, least squares without scale (Umeyama 1991). ``poses``
+    and ``truth`` are ``(N, 3)``. Where the positions do not fix a rotation (a robot that stood still) the
+    headings do. Raises ``ValueError`` when the shapes differ or a pose is not finite."""
     if poses.shape != truth.shape or poses.ndim != 2 or poses.shape[1:] != (3,):
         raise ValueError(f"alignment: expected two (N, 3), got {poses.shape} and {truth.shape}")
     if not (np.all(np.isfinite(poses)) and np.all(np.isfinite(truth))):
@@ -181,9 +179,7 @@ def squared_errors(poses: Array, covariance: Array, truth: Array) -> Array:
 
 def last_squared_error(poses: Array, covariance: Array | None, truth: Array) -> float:
     """Normalised estimation error squared of the last pose, expected 3; NaN where no covariance is usable.
-
-    One number per drive: over many drives these are independent, which the poses of one drive are not.
-    """
+    One number per drive: over many drives these are independent, which the poses of one drive are not."""
     if covariance is None:
         return float("nan")
     ends = [0, -1]
@@ -193,10 +189,8 @@ def last_squared_error(poses: Array, covariance: Array | None, truth: Array) -> 
 
 def band(runs: int, probability: float = 0.95) -> tuple[float, float]:
     """Interval that holds the average of ``runs`` independent squared errors, / 3, of an honest covariance.
-
     χ² with ``3 runs`` degrees of freedom (Bar-Shalom, Li & Kirubarajan 2001, §5.4). Raises ``ValueError`` for
-    no runs.
-    """
+    no runs."""
     if runs < 1:
         raise ValueError(f"band: expected one run or more, got {runs}")
     tail, freedom = (1.0 - probability) / 2.0, 3 * runs

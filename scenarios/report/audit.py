@@ -93,10 +93,8 @@ def read(path: Path) -> Patches:
 
 
 def audit(patches: Patches) -> Audit:
-    """The numbers of the thesis made again, and what the truth says.
-
-    Raises `InputError` where no step or every step is lost.
-    """
+    """The numbers of the thesis made again, and what the truth says. Raises `InputError` where no step or
+    every step is lost."""
     failed = np.isnan(patches.covariance[:, 0, 0]) | (patches.matches == 0)
     badness = _badness(patches, failed)
     steps = np.flatnonzero(patches.extends)

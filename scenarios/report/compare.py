@@ -57,10 +57,8 @@ class MethodResult:
 
 @dataclass(frozen=True)
 class ComparisonCell:
-    """The results of one method in one scenario that have the metric, in the order of their seeds.
-
-    ``best``: no other method has a better median here.
-    """
+    """The results of one method in one scenario that have the metric, in the order of their seeds. ``best``:
+    no other method has a better median here."""
 
     results: tuple[tuple[MethodResult, float], ...]
     worst: tuple[MethodResult, float] | None
@@ -96,9 +94,7 @@ class MetricComparison:
 
 def run(folders: Sequence[Path], out: Path | None, form: str) -> str:
     """Compare, write the page to ``out`` where one is wanted, and return the tables in a form to print.
-
-    Raises `InputError`.
-    """
+    Raises `InputError`."""
     results = collect_results(folders)
     comparisons = compare_metrics(results)
     if out is not None:
@@ -110,11 +106,9 @@ def run(folders: Sequence[Path], out: Path | None, form: str) -> str:
 
 
 def collect_results(folders: Sequence[Path]) -> list[MethodResult]:
-    """The results in all folders, each once, though a link leads there too.
-
-    Where a method has two results of the same drive, methods are told apart by the folder they are from.
-    Raises `InputError` for a folder that is neither a run nor a sweep.
-    """
+    """The results in all folders, each once, though a link leads there too. Where a method has two results of
+    the same drive, methods are told apart by the folder they are from. Raises `InputError` for a folder that
+    is neither a run nor a sweep."""
     results: list[MethodResult] = []
     for folder in dict.fromkeys(map(Path.resolve, folders)):
         if is_run(folder):
@@ -267,10 +261,8 @@ def link(result: MethodResult, folder: Path) -> str | None:
 
 def strip_plot(comparison: MetricComparison, link: Callable[[MethodResult], str | None]) -> dict[str, Any]:
     """All values of a metric as a row of dots for each scenario and method, of which one may be the ``worst``
-    with a ``link`` to its page.
-
-    ``dots`` are objects; ``scenarios`` name, y of the rows; ``ticks`` words, x; ``medians`` method, x, y.
-    """
+    with a ``link`` to its page. ``dots`` are objects; ``scenarios`` name, y of the rows; ``ticks`` words, x;
+    ``medians`` method, x, y."""
     values = [value for _, _, cell in comparison.cells() for _, value in cell.results]
     low, high = min(values), max(values)
     logarithmic = comparison.definition.better != "higher" and low > 0.0 and high > LOG_RATIO * low

@@ -183,10 +183,8 @@ def _covariances(estimate: Estimate, poses: Array, rows: np.ndarray) -> Content 
 
 def fitting_beams(recording: Recording, poses: Array, rows: np.ndarray) -> np.ndarray:
     """Which beams of the scans ``rows (M,)`` end at a wall that the last keyframes saw, ``(M, B)`` bool.
-
     Scans lie at ``poses (N, 3)``. What a method's matcher paired is not recorded; this is the same test for
-    all of them.
-    """
+    all of them."""
     cells, seen = _cells(recording, poses)
     kept = set(keyframes.choose(poses).tolist())
     wanted = {int(row): i for i, row in enumerate(rows)}
@@ -278,9 +276,7 @@ def _axis(axis: AxisSpectra) -> Content:
 
 def pack(values: ArrayLike, kind: Kind = "f4", scale: float = 1.0) -> Content:
     """Numbers as multiples of ``scale`` in the type ``kind``, little-endian in base64, clipped to its range.
-
-    NaN and infinities become "nothing" (`GAPS`; in ``f4`` they stay what they are).
-    """
+    NaN and infinities become "nothing" (`GAPS`; in ``f4`` they stay what they are)."""
     array = np.asarray(values, dtype=np.float64)
     if kind in GAPS:
         limits = np.iinfo(kind)

@@ -52,12 +52,9 @@ def render(
     simulated: SimulatedRun | None = None,
     stages: Mapping[str, Cost] | None = None,
 ) -> str:
-    """The page of a run.
-
-    ``facts`` are printed key by key (seed, versions, …); its ``command`` is the command line that made the
-    run. ``simulated`` is what only a simulator knows, ``stages`` what each stage cost. Everything that comes
-    from outside is escaped.
-    """
+    """The page of a run. ``facts`` are printed key by key (seed, versions, …); its ``command`` is the command
+    line that made the run. ``simulated`` is what only a simulator knows, ``stages`` what each stage cost.
+    Everything that comes from outside is escaped."""
     judged, table = headline(metrics), tabulate(metrics)
     live = None
     if estimates:

@@ -177,12 +177,8 @@ def _along_axis(a: Array, b: Array, shift: float) -> AxisSpectra:
     counts_a, first_a = profile(a, RESOLUTION)
     counts_b, first_b = profile(b, RESOLUTION)
     shifts, correlation = correlation_along(a, b, RESOLUTION)
-    curves = (
-        (first_a * RESOLUTION, counts_a),
-        (first_b * RESOLUTION, counts_b),
-        (float(shifts[0]), correlation),
-    )
-    return AxisSpectra(*curves, shift)
+    in_a, in_b = (first_a * RESOLUTION, counts_a), (first_b * RESOLUTION, counts_b)
+    return AxisSpectra(in_a, in_b, (float(shifts[0]), correlation), shift)
 
 
 @dataclass(frozen=True)
@@ -204,26 +200,20 @@ def draw_submaps(estimate: Estimate) -> Figure:
 
 
 def draw_accepted_stitches(estimate: Estimate, false: frozenset[int] = frozenset()) -> Figure:
-    """Every accepted stitch with both submaps where it put them (thesis, figure A.3).
-
-    ``false`` are the indices into the estimate's stitches whose titles are red.
-    """
+    """Every accepted stitch with both submaps where it put them (thesis, figure A.3). ``false`` are the
+    indices into the estimate's stitches whose titles are red."""
     tiles = []
     for k, stitch in enumerate(estimate.stitches):
         if stitch.accepted:
             a = f"0…{stitch.b - 1}" if estimate.method in MERGING else f"{stitch.a}"
-            layers = tuple(
-                (points, colour) for points, colour, _ in AlignedPair.of(estimate, stitch).layers()
-            )
+            layers = tuple(layer[:2] for layer in AlignedPair.of(estimate, stitch).layers())
             tiles.append(Tile(f"{a} ← {stitch.b}", layers, VERMILLION if k in false else BLACK))
     return draw_sheet(tiles)
 
 
 def draw_stitch(estimate: Estimate, stitch: LoopCandidate) -> Figure:
-    """A stitch: both maps before and after, Hough spectra, X and Y spectra, and the score around it.
-
-    Raises ``ValueError`` without an alignment or walls to draw.
-    """
+    """A stitch: both maps before and after, Hough spectra, X and Y spectra, and the score around it. Raises
+    ``ValueError`` without an alignment or walls to draw."""
     pair = AlignedPair.of(estimate, stitch)
     if not pair.complete:
         raise ValueError(f"stitch {stitch.a}-{stitch.b} of {estimate.method} has no alignment to draw")
@@ -263,7 +253,8 @@ def pair_layers(a: Array, b: Array) -> list[tuple[Array, str, str]]:
 
 def _draw_walls(ax: Axes, layers: Sequence[tuple[Array, str, str]], title: str) -> None:
     for points, colour, label in layers:
-        ax.scatter(*points.T, s=2.0, color=colour, linewidths=0, label=label, rasterized=True)
+        x, y = points.T
+        ax.scatter(x, y, s=2.0, color=colour, linewidths=0, label=label, rasterized=True)
     ax.set_aspect("equal", adjustable="datalim")
     set_title(ax, title, "left")
 

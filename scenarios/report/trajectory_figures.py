@@ -40,10 +40,8 @@ CONFIDENCE = (
 
 
 def draw_maps(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[str, str]) -> Figure:
-    """The maps of all methods side by side; ``titles`` by method.
-
-    With truth every map is aligned to it and its walls are told apart: found, wrong, missed.
-    """
+    """The maps of all methods side by side; ``titles`` by method. With truth every map is aligned to it and
+    its walls are told apart: found, wrong, missed."""
     truth = true_map(recording)
     true_cells = None if truth is None else occupied_cells(truth)
     maps = [_wall_cells(recording, estimate) for estimate in estimates]
@@ -106,11 +104,9 @@ def draw_uncertainty(
 
 
 def draw_confidence(estimate: Estimate) -> Figure:
-    """The confidence of every match of an estimate's track over the drive.
-
-    Steps without a single match are red dots on the x axis, cuts vertical bands: scans that belong to no
-    segment (thesis, figure 5.3). Raises ``ValueError`` when the estimate has no track.
-    """
+    """The confidence of every match of an estimate's track over the drive. Steps without a single match are
+    red dots on the x axis, cuts vertical bands: scans that belong to no segment (thesis, figure 5.3). Raises
+    ``ValueError`` when the estimate has no track."""
     if estimate.track is None:
         raise ValueError(f"{estimate.method} has no track to draw the confidence of")
     track = estimate.track

@@ -37,10 +37,8 @@ MAX_TILT = 12.0
 
 
 def draw_from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
-    """Walls, furniture, terrain, smoke and movers, and the driven path coloured by its true tilt.
-
-    Where the matcher of ``estimate`` (the Weighted Scan Matcher's, say) had no match the path is marked.
-    """
+    """Walls, furniture, terrain, smoke and movers, and the driven path coloured by its true tilt. Where the
+    matcher of ``estimate`` (the Weighted Scan Matcher's, say) had no match the path is marked."""
     low, high = _extent(run)
     aspect = float((high[1] - low[1]) / (high[0] - low[0]))
     across = min(WIDTH - LEFT - RIGHT - BAR_WIDTH, MAX_HEIGHT / aspect)

@@ -49,9 +49,7 @@ def check(out: Path, name: str) -> None:
 @contextmanager
 def prepare(out: Path, name: str) -> Iterator[Folder]:
     """A temporary folder in ``out``, which is created where it is missing; removed again when the run fails.
-
-    Raises `InputError` where the file system cannot be written.
-    """
+    Raises `InputError` where the file system cannot be written."""
     created = [folder for folder in (out, *out.parents) if not folder.exists()]
     began = False
     try:

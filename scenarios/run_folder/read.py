@@ -40,10 +40,8 @@ def read_metrics(folder: Path) -> tuple[dict[str, Any], list[Metric]]:
 
 
 def read_run(folder: Path) -> tuple[Recording, list[Estimate], list[Metric]]:
-    """The recording, the estimates in the order of the metrics, and the metrics.
-
-    Raises `InputError` for a folder that is no run, is damaged, or was written before submaps were stored.
-    """
+    """The recording, the estimates in the order of the metrics, and the metrics. Raises `InputError` for a
+    folder that is no run, is damaged, or was written before submaps were stored."""
     if not is_run(folder):
         raise InputError(f"{folder}: expected the folder of a run, with {METRICS_FILE}")
     _, metrics = read_metrics(folder)

@@ -87,10 +87,8 @@ def stitches(estimates: Sequence[Estimate], truth: Array | None) -> dict[str, li
 
 def stitch_to_json(estimate: Estimate, candidate: LoopCandidate, truth: Array | None) -> dict[str, object]:
     """An entry of stitches.json: the pair and its prior, then the alignment, or why there is none; against
-    ``truth (N, 3)`` also its error and whether it is false.
-
-    ``scan`` is the last scan of b: in round (``turn``) 0 nothing later was known.
-    """
+    ``truth (N, 3)`` also its error and whether it is false. ``scan`` is the last scan of b: in round
+    (``turn``) 0 nothing later was known."""
     entry: dict[str, object] = {
         "a": candidate.a,
         "b": candidate.b,
@@ -164,10 +162,8 @@ def _map_png(grid: Grid) -> bytes:
 
 
 def _write_steps(path: Path, recording: Recording, estimates: Sequence[Estimate]) -> None:
-    """One row per scan and method with a track: verdict, true error of the step [m, rad], confidence.
-
-    The step is the one from the scan in the column ``reference``. What does not exist is an empty cell.
-    """
+    """One row per scan and method with a track: verdict, true error of the step [m, rad], confidence. The
+    step is the one from the scan in the column ``reference``. What does not exist is an empty cell."""
     tracks = {estimate.method: estimate.track for estimate in estimates if estimate.track is not None}
     measures = list(dict.fromkeys(name for track in tracks.values() for name in track.confidence))
     with path.open("w", newline="", encoding="utf-8") as file:
