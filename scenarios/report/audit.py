@@ -99,10 +99,8 @@ def audit(patches: Patches) -> Audit:
     badness = _badness(patches, failed)
     steps = np.flatnonzero(patches.extends)
     before, after = steps[:-1], steps[1:]
-    error = se2.between(
-        se2.between(patches.truth[before], patches.truth[after]),
-        se2.between(patches.slam[before], patches.slam[after]),
-    )
+    truth, slam = (se2.between(poses[before], poses[after]) for poses in (patches.truth, patches.slam))
+    error = se2.between(truth, slam)
     lost, zero = step_error(error) > 1.0, failed[after]
     if not lost.any() or lost.all():
         raise InputError(f"{lost.sum()} of {len(lost)} steps are lost: nothing to tell apart")

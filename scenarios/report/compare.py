@@ -21,7 +21,7 @@ from markupsafe import Markup
 
 from scenarios.evaluation import DEFINITIONS
 from scenarios.evaluation.metric import Definition
-from scenarios.report.html import own_style, template, theme_script
+from scenarios.report.html import TEMPLATES, read, template, theme_script
 from scenarios.report.method_attributes import colour_indices
 from scenarios.report.summary import ARROWS
 from scenarios.run_folder.directory import METRICS_FILE
@@ -247,7 +247,7 @@ def render(results: Sequence[MethodResult], comparisons: Sequence[MetricComparis
         number=number,
         link=address,
         note=NOTE,
-        style=Markup(own_style()),
+        style=Markup(read(TEMPLATES / "page.css")),
         script=Markup(theme_script()),
     )
 

@@ -33,27 +33,23 @@ def template(name: str) -> jinja2.Template:
 def style() -> str:
     """All style sheets in one, without the images that Leaflet's would fetch."""
     sheets = [VENDOR / "leaflet.css", VENDOR / "uplot.css", TEMPLATES / "page.css"]
-    return re.sub(r"url\([^)]*\)", "none", "\n".join(map(_read, sheets)))
-
-
-def own_style() -> str:
-    """Our style sheet alone."""
-    return _read(TEMPLATES / "page.css")
-
-
-def theme_script() -> str:
-    """What a page without a live map needs: the switch between light and dark."""
-    own = _read(TEMPLATES / "js" / "theme.js")
-    return f'(() => {{\n"use strict";\n{own}\nthemeSwitch(document.getElementById("theme"));\n}})();'
+    return re.sub(r"url\([^)]*\)", "none", "\n".join(map(read, sheets)))
 
 
 @cache
 def script() -> str:
     """All scripts in one."""
-    libraries = [_read(VENDOR / f"{name}.js").partition("//# source")[0] for name in ("leaflet", "uplot")]
-    own = "\n".join(_read(TEMPLATES / "js" / f"{name}.js") for name in MODULES)
+    libraries = [read(VENDOR / f"{name}.js").partition("//# source")[0] for name in ("leaflet", "uplot")]
+    own = "\n".join(read(TEMPLATES / "js" / f"{name}.js") for name in MODULES)
     return "\n".join([*libraries, f'(() => {{\n"use strict";\n{own}}})();'])
 
 
-def _read(path: Path) -> str:
+def theme_script() -> str:
+    """What a page without a live map needs: the switch between light and dark."""
+    own = read(TEMPLATES / "js" / "theme.js")
+    return f'(() => {{\n"use strict";\n{own}\nthemeSwitch(document.getElementById("theme"));\n}})();'
+
+
+def read(path: Path) -> str:
+    """The text of a file."""
     return path.read_text(encoding="utf-8")

@@ -32,6 +32,7 @@ ELLIPSE_SCALE = 10
 ELLIPSE_SPACING = 0.5
 """Path between two ellipses [m]."""
 CENTRED: dict[str, Any] = {"fontsize": FONT["label"], "ha": "center"}
+BAND: dict[str, Any] = {"facecolors": SKY, "edgecolors": SKY, "alpha": 0.5, "linewidths": 1.5}
 CONFIDENCE = (
     ("trace2", "trace [m²]", "log"),
     ("det2", "determinant [m⁴]", "log"),
@@ -113,12 +114,14 @@ def draw_confidence(estimate: Estimate) -> Figure:
     tried = ~np.isnan(track.confidence["trace2"])
     lost = np.flatnonzero(tried & (track.matches == 0))
     gaps = segment_gaps(estimate.submaps)
+    corners = [[(a - 0.5, 0.0), (a - 0.5, 1.0), (b + 0.5, 1.0), (b + 0.5, 0.0)] for a, b in gaps]
     figure, axes = grid(len(CONFIDENCE), 1, WIDTH - LEFT - RIGHT, 1.75, 0.0, 0.15)
     for ax, (name, label, scale) in zip(axes, CONFIDENCE, strict=True):
         values = track.matches.astype(float) if name == "matches" else track.confidence[name]
         _confidence_panel(ax, np.flatnonzero(tried), values[tried], lost, scale)
         ax.set_ylabel(label, fontsize=FONT["label"])
-        _shade(ax, gaps)
+        bands = PolyCollection(corners, transform=ax.get_xaxis_transform(), zorder=0, **BAND)
+        ax.add_collection(bands, autolim=False)
         ax.set_xlim(-0.5, len(track) - 0.5)
         ax.tick_params(labelbottom=ax is axes[-1])
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
@@ -228,12 +231,3 @@ def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarr
     on_axis = ax.get_xaxis_transform()
     ax.plot(lost, np.zeros(len(lost)), transform=on_axis, clip_on=False, zorder=5, **dots)
     ax.grid(axis="y", color=GREY, linewidth=0.4, alpha=0.6)
-
-
-def _shade(ax: Axes, gaps: Sequence[tuple[int, int]]) -> None:
-    """Bands over stretches of scans, first and last."""
-    bands = [
-        [(first - 0.5, 0.0), (first - 0.5, 1.0), (last + 0.5, 1.0), (last + 0.5, 0.0)] for first, last in gaps
-    ]
-    style: dict[str, Any] = {"facecolors": SKY, "edgecolors": SKY, "alpha": 0.5, "linewidths": 1.5}
-    ax.add_collection(PolyCollection(bands, transform=ax.get_xaxis_transform(), zorder=0, **style), False)

@@ -76,7 +76,8 @@ def draw_from_the_side(run: SimulatedRun) -> Figure:
 
     Beams within 8° of the heading, without noise; the dashed line is where a level laser would have looked.
     """
-    scan = _most_pitched(run)
+    upright = np.max(np.abs(run.tilt), axis=1) < np.deg2rad(25.0)  # not falling over
+    scan = int(np.argmax(np.where(upright, run.tilt[:, 1], -np.inf)))
     pose, ahead, up, level = _side_view(run, scan)
     reach = max(1.5, level, float(np.nanmax(np.append(ahead, 0.0))))
     figure, (ax,) = grid(1, 1, WIDTH - LEFT - RIGHT, 2.2, 0.0, 0.0)
@@ -99,13 +100,18 @@ def _draw_drive(ax: Axes, run: SimulatedRun, estimate: Estimate | None) -> LineC
     """The world, the path, and where the matcher of ``estimate`` had no match."""
     _draw_ground(ax, run)
     _draw_solids(ax, run)
-    line = _draw_path(ax, run)
+    truth = _truth(run)
+    tilt = np.degrees(np.arccos(np.clip(np.cos(run.tilt[:, 0]) * np.cos(run.tilt[:, 1]), -1.0, 1.0)))
+    pieces = np.stack([truth[:-1, :2], truth[1:, :2]], axis=1)
+    line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5, rasterized=True)
+    line.set_array(np.maximum(tilt[:-1], tilt[1:]))
+    line.set_clim(0.0, MAX_TILT)
+    ax.add_collection(line)
+    ax.plot(*truth[0, :2], marker="o", color=BLUE, markersize=6, zorder=6)
     if estimate is not None and estimate.track is not None:
         tried = estimate.track.verdict != Verdict.SKIPPED
-        lost = _truth(run)[tried & (estimate.track.matches == 0)]
-        ax.scatter(
-            lost[:, 0], lost[:, 1], s=26, facecolors="none", edgecolors=VERMILLION, linewidths=1.1, zorder=6
-        )
+        x, y, _ = truth[tried & (estimate.track.matches == 0)].T
+        ax.scatter(x, y, s=26, facecolors="none", edgecolors=VERMILLION, linewidths=1.1, zorder=6)
     return line
 
 
@@ -156,18 +162,6 @@ def _draw_solids(ax: Axes, run: SimulatedRun) -> None:
         ax.add_collection(LineCollection([closed], colors=ORANGE, linewidths=1.2, zorder=4))
 
 
-def _draw_path(ax: Axes, run: SimulatedRun) -> LineCollection:
-    truth = _truth(run)
-    tilt = np.degrees(np.arccos(np.clip(np.cos(run.tilt[:, 0]) * np.cos(run.tilt[:, 1]), -1.0, 1.0)))
-    pieces = np.stack([truth[:-1, :2], truth[1:, :2]], axis=1)
-    line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5, rasterized=True)
-    line.set_array(np.maximum(tilt[:-1], tilt[1:]))
-    line.set_clim(0.0, MAX_TILT)
-    ax.add_collection(line)
-    ax.plot(*truth[0, :2], marker="o", color=BLUE, markersize=6, zorder=6)
-    return line
-
-
 def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> None:
     world = run.setup.world
     entries = [
@@ -185,12 +179,6 @@ def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> Non
     ]
     size, columns = FONT["tick"], len(entries)
     figure.legend(handles=handles, fontsize=size, frameon=False, ncols=columns, loc="lower center")
-
-
-def _most_pitched(run: SimulatedRun) -> int:
-    """The scan with the most nose-down pitch among those of a robot that is not falling over."""
-    upright = np.max(np.abs(run.tilt), axis=1) < np.deg2rad(25.0)
-    return int(np.argmax(np.where(upright, run.tilt[:, 1], -np.inf)))
 
 
 def _side_view(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array, float]:

@@ -68,7 +68,8 @@ def prepare(out: Path, name: str) -> Iterator[Folder]:
 
 
 def publish(folder: Folder, environment: Mapping[str, object]) -> None:
-    """Write environment.json, give the folder its final name and let ``latest`` point at it."""
+    """Write environment.json, give the folder its final name and let the link ``latest`` point at it in one
+    step; a file or folder of that name that is no link stays."""
     dump(folder.temporary / "environment.json", environment)
     folder.temporary.chmod(0o755)
     replaced = folder.temporary.with_name(f"{folder.temporary.name}-replaced")
@@ -77,14 +78,9 @@ def publish(folder: Folder, environment: Mapping[str, object]) -> None:
     folder.temporary.rename(folder.final)
     if replaced.exists():
         shutil.rmtree(replaced)
-    _point_at(folder.final)
-
-
-def _point_at(final: Path) -> None:
-    """Move the link ``latest`` in one step; a file or folder of that name that is no link stays."""
-    latest = final.parent / "latest"
+    latest = folder.final.parent / "latest"
     if latest.is_symlink() or not latest.exists():
-        link = final.parent / f".latest-{final.name}"
+        link = folder.final.parent / f".latest-{folder.final.name}"
         link.unlink(missing_ok=True)
-        link.symlink_to(final.name, target_is_directory=True)
+        link.symlink_to(folder.final.name, target_is_directory=True)
         link.replace(latest)

@@ -28,6 +28,9 @@ from stitch.mapping.estimate import Estimate, LoopCandidate
 SCHEMA = 1
 """Version of the layout of metrics.json."""
 STEP_COLUMNS = ("method", "scan", "time", "verdict", "reference", "matches", "error_trans", "error_rot")
+STITCH_FIELDS = {name: name for name in ("T_a_b", "covariance", "score", "overlap_m2", "agreement", "belief")}
+STITCH_FIELDS |= {"overlap_m2": "overlap_area", "alternatives": "alternatives"}
+"""Key in stitches.json -> field of a ``Stitch``."""
 WHITE = 255
 """Shade of free cells in the PNG maps, which are for looking at."""
 
@@ -101,15 +104,7 @@ def stitch_to_json(estimate: Estimate, candidate: LoopCandidate, truth: Array | 
     result = candidate.result
     if isinstance(result, NoStitch):
         return {**entry, "reason": result.reason, "best": result.best}
-    entry |= {
-        "T_a_b": result.T_a_b,
-        "covariance": result.covariance,
-        "score": result.score,
-        "overlap_m2": result.overlap_area,
-        "agreement": result.agreement,
-        "belief": result.belief,
-        "alternatives": result.alternatives,
-    }
+    entry |= {key: getattr(result, field) for key, field in STITCH_FIELDS.items()}
     error = None if truth is None else stitch_error(estimate, candidate, truth)
     if error is not None:
         entry |= {"error_m": error.translation, "error_deg": float(np.degrees(error.rotation))}
