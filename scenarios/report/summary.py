@@ -166,32 +166,21 @@ def headline(metrics: Sequence[Metric]) -> Headline | None:
     return None
 
 
-@dataclass(frozen=True)
-class Score:
-    """A method's value of the metric a run is judged by, and how that compares with dead reckoning;
-    ``colour`` is the index of its colour."""
-
-    colour: int
-    method: str
-    text: str
-    versus: str
-    best: bool
-
-
-def scores(judged: Headline | None, methods: Sequence[str]) -> list[Score]:
-    """Every method's score, the best first, those without one last; none where nothing is judged."""
+def scores(judged: Headline | None, methods: Sequence[str]) -> list[dict[str, object]]:
+    """Every method's score in words, how it compares with dead reckoning, and the index of its colour; the
+    best first, those without one last; none where nothing is judged."""
     if judged is None:
         return []
     values, base = judged.scores, judged.scores.get(BASELINE)
     colours = dict(zip(methods, colour_indices(methods), strict=True))
     return [
-        Score(
-            colours[method],
-            method,
-            _metres(values[method]) if method in values else ABSENT,
-            "dead reckoning" if method == BASELINE else _times(values.get(method), base),
-            method == judged.best and len(values) > 1,
-        )
+        {
+            "colour": colours[method],
+            "method": method,
+            "text": _metres(values[method]) if method in values else ABSENT,
+            "versus": "dead reckoning" if method == BASELINE else _times(values.get(method), base),
+            "best": method == judged.best and len(values) > 1,
+        }
         for method in sorted(methods, key=lambda method: values.get(method, math.inf))
     ]
 

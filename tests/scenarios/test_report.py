@@ -202,14 +202,14 @@ def test_scores_are_told_beside_dead_reckoning_the_best_first():
     values = {"ins": 0.5, "wsm": 1.0, "mine": 0.25, "oracle": 0.1}
     metrics = [m for name, v in values.items() for m in to_metrics(name, {"ate_rmse": v})]
     found = scores(headline(metrics), [*values, "unscored"])
-    assert [(s.method, s.versus, s.best) for s in found] == [
+    assert [(s["method"], s["versus"], s["best"]) for s in found] == [
         ("oracle", "5 times better", False),
         ("mine", "2 times better", True),
         ("ins", "dead reckoning", False),
         ("wsm", "2 times worse", False),
         ("unscored", "not scored", False),
     ]
-    assert len({s.colour for s in found}) == 5
+    assert len({s["colour"] for s in found}) == 5
     assert scores(headline([]), ["ins"]) == []
 
 
