@@ -9,7 +9,7 @@ import re
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -50,19 +50,13 @@ class Stages:
 
 def _reset_peak() -> None:
     """Reset the kernel's peak of resident memory; where it cannot be, the peak is that of the process."""
-    reset = PROCESS / "clear_refs"
-    if reset.exists():
-        try:
-            reset.write_text("5")
-        except OSError:
-            return
+    with suppress(OSError):
+        (PROCESS / "clear_refs").write_text("5")
 
 
 def _peak_mb() -> float | None:
     status = PROCESS / "status"
-    if not status.exists():
-        return None
-    peak = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
+    peak = re.search(r"VmHWM:\s+(\d+) kB", status.read_text()) if status.exists() else None
     return int(peak[1]) / 1024.0 if peak else None
 
 
@@ -100,9 +94,6 @@ def _git_hash() -> str | None:
 
 
 def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor()
+    cpus = Path("/proc/cpuinfo")
+    model = re.search(r"^model name\s*:(.*)$", cpus.read_text() if cpus.exists() else "", re.MULTILINE)
+    return model[1].strip() if model else platform.processor()

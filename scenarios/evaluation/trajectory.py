@@ -108,12 +108,12 @@ def trajectory_metrics(poses: Array, truth: Array | None) -> Values:
         return absent(DEFINITIONS, NO_TRUTH)
     best = aligned(poses, truth)
     anchored = se2.compose(truth[0], se2.between(poses[0], poses))
-    distance = _distance(best, truth)
+    distance = np.linalg.norm(best[:, :2] - truth[:, :2], axis=1)
     values: Values = {
         "ate_rmse": _rms(distance),
         "ate_median": float(np.median(distance)),
         "ate_max": float(distance.max()),
-        "ate_rmse_anchored": _rms(_distance(anchored, truth)),
+        "ate_rmse_anchored": _rms(np.linalg.norm(anchored[:, :2] - truth[:, :2], axis=1)),
         "yaw_rmse": float(np.degrees(_rms(se2.wrap(best[:, 2] - truth[:, 2])))),
     }
     for length in RPE_LENGTHS:
@@ -125,10 +125,6 @@ def trajectory_metrics(poses: Array, truth: Array | None) -> Values:
         translation, rotation = relative_errors(poses, truth, pairs)
         values |= {names[0]: _rms(translation), names[1]: float(np.degrees(_rms(rotation)))}
     return values
-
-
-def _distance(poses: Array, truth: Array) -> Array:
-    return np.linalg.norm(poses[:, :2] - truth[:, :2], axis=1)
 
 
 def _rms(values: Array) -> float:

@@ -13,7 +13,7 @@ from scenarios.report.figures import FigureSpec, run_specs, write_figures
 from scenarios.report.html import script, style, template
 from scenarios.report.live import data_address, live_content, script_safe
 from scenarios.report.method_attributes import BASELINE, OURS
-from scenarios.report.summary import Headline, headline, scores, tabulate, verdict
+from scenarios.report.summary import headline, scores, tabulate, verdict
 from scenarios.run_folder.write import Run
 from scenarios.stages import Cost
 from sim.record import SimulatedRun
@@ -55,11 +55,13 @@ def render(
     """The page of a run. ``facts`` are printed key by key (seed, versions, …); its ``command`` is the command
     line that made the run. ``simulated`` is what only a simulator knows, ``stages`` what each stage cost.
     Everything that comes from outside is escaped."""
-    judged, table = headline(metrics), tabulate(metrics)
-    live = None
+    judged, table, live = headline(metrics), tabulate(metrics), None
     if estimates:
-        content = live_content(recording, estimates, _shown_first(estimates, judged), simulated)
-        live = Markup(script_safe(content))
+        methods = [estimate.method for estimate in estimates]
+        first = judged.best if judged else None
+        if first in (None, BASELINE):  # dead reckoning has nothing to show
+            first = OURS if OURS in methods else methods[-1]
+        live = Markup(script_safe(live_content(recording, estimates, first, simulated)))
     return template("report.html.j2").render(
         recording=recording,
         verdict=verdict(metrics, estimates),
@@ -75,12 +77,3 @@ def render(
         style=Markup(style()),
         script=Markup(script()),
     )  # fmt: skip
-
-
-def _shown_first(estimates: Sequence[Estimate], judged: Headline | None) -> str:
-    """The method to open with: the best; where that is dead reckoning, which has nothing to show, or none is
-    scored, ours, else the last."""
-    if judged and judged.best not in (None, BASELINE):
-        return str(judged.best)
-    methods = [estimate.method for estimate in estimates]
-    return OURS if OURS in methods else methods[-1]
