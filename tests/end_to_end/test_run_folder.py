@@ -65,7 +65,7 @@ def test_config_tells_the_command_and_every_parameter(done, drive):
     assert config["command"] == f"python -m scenarios.run {drive} --out {done.folder.parent}"
     assert set(config["options"]) == {field.name for field in fields(Options)}
     assert set(config["methods"]) == {field.name for field in fields(MethodConfig)}
-    assert config["methods"]["loops"]["align"]["acceptance"]["min_lead"] > 0.0
+    assert config["methods"]["slam"]["loops"]["align"]["acceptance"]["min_lead"] > 0.0
     assert config["scenario"] == {}
 
 
