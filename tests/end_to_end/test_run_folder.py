@@ -83,7 +83,7 @@ def test_environment_tells_versions_and_the_cost_of_every_stage(done):
     environment = strict(done.folder / "environment.json")
     assert re.match(r"\d+\.\d+", environment["packages"]["numpy"])
     assert environment["cores"] >= 1
-    assert list(environment["stages"]) == ["read", "rehearse", *METHODS, "evaluate", "report"]
+    assert list(environment["stages"]) == ["read", "warm up", *METHODS, "evaluate", "report"]
     for cost in environment["stages"].values():
         assert cost["wall_s"] > 0.0
         assert cost["peak_mb"] is None or cost["peak_mb"] > 10.0

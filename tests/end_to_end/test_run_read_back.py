@@ -88,7 +88,6 @@ def test_the_album_has_a_figure_of_every_stitch(done, tmp_path, monkeypatch):
     monkeypatch.setattr(
         figures, "write_figures", lambda folder, some: drawn.extend((folder, f.name) for f in some)
     )
-    monkeypatch.setattr(figures.FigureSpec, "render", lambda spec: spec)
     assert figures.run([done.folder], tmp_path) == str(tmp_path / "drive-seed0")
     _, estimates, _ = read_run(done.folder)
     stitches = {
