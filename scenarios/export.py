@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from scenarios import source
 from scenarios.options import check_seed
 from slam.cli import InputError, main
 
 if TYPE_CHECKING:
-    from slam.recording import Recording, Relations
+    from slam.recording import Recording
 
 COMMAND = "scenarios.export"
 
@@ -44,7 +45,10 @@ def run(options: Options) -> None:
         raise InputError(f"{options.out.parent}: no such folder")
     if options.out.exists():
         raise InputError(f"{options.out}: exists already, expected a new name")
-    recording = obtain(options.recording, options.seed)
+    if source.is_scenario(options.recording):
+        recording = source.simulated(options.recording, options.seed).recording
+    else:
+        recording = source.logged(Path(options.recording), None, None).recording
     try:
         written = write(recording, options.format, options.out)
     except (ValueError, OSError) as error:  # beams the format cannot say, a disk that is full
@@ -53,60 +57,20 @@ def run(options: Options) -> None:
         print(path)
 
 
-def obtain(target: str, seed: int) -> Recording:
-    """The recording, simulated or read. Raises `InputError`."""
-    from scenarios import source
-
-    if source.is_scenario(target):
-        return source.simulated(target, seed).recording
-    return source.logged(Path(target), None, None).recording
-
-
 def write(recording: Recording, form: Format, path: Path) -> list[Path]:
     """Write ``recording`` to ``path``; returns what was written: for CARMEN the relations too, where known.
-
-    Raises ``ValueError`` for what the format cannot hold.
-    """
+    Raises ``ValueError`` for what the format cannot hold."""
+    from scenarios.evaluation.relations import clear_relations
     from slam.formats import carmen, rosbag, usarsim
     from slam.formats import relations as relations_file
 
-    if form == "rosbag":
-        rosbag.write(path, recording)
-        return [path]
-    (usarsim if form == "usarsim" else carmen).write(path, recording)
-    known = relations(recording) if form == "carmen" else None
+    {"rosbag": rosbag, "usarsim": usarsim, "carmen": carmen}[form].write(path, recording)
+    known = clear_relations(recording) if form == "carmen" else None
     if known is None:
         return [path]
     beside = path.with_suffix(".relations")
     relations_file.write(beside, known)
     return [path, beside]
-
-
-def relations(recording: Recording) -> Relations | None:
-    """The recording's own relations, else those of its truth with stamps beyond doubt; None without either.
-
-    Like the benchmark's they are between poses of the laser. A stamp with a second odometry record within
-    10 ms is left out (Kümmerle et al. 2009 name poses by their stamps alone).
-    """
-    import numpy as np
-
-    from scenarios.evaluation.relations import CLEAR_WINDOW, relations_from_truth
-    from slam import se2
-    from slam.recording import Relations
-
-    if recording.relations is not None or recording.truth is None or len(recording) < 2:
-        return recording.relations
-    truth = se2.compose(recording.truth, recording.laser.T_robot_laser)
-    pairs = relations_from_truth(truth)
-    stamps = recording.time
-    if recording.odometry is not None:
-        own = recording.odometry.time[recording.odometry.scan_row] == stamps
-        stamps = np.concatenate([recording.odometry.time, stamps[~own]])
-    stamps = np.sort(stamps)
-    near = np.searchsorted(stamps, recording.time + CLEAR_WINDOW, side="right")
-    near -= np.searchsorted(stamps, recording.time - CLEAR_WINDOW, side="left")
-    clear = np.all(near[pairs.rows] <= 1, axis=1)
-    return Relations(recording.time[pairs.rows[clear]], pairs.T_12[clear]) if np.any(clear) else None
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,8 +48,6 @@ def run(options: Options) -> None:
 
 def picture(name: str, seed: int) -> bytes:
     """The world of a scenario from above, as a small PNG file."""
-    import io
-
     from PIL import Image
 
     from scenarios.methods.baselines import wsm
@@ -59,10 +58,8 @@ def picture(name: str, seed: int) -> bytes:
 
     simulated = simulate(CATALOGUE[name], seed)
     figure = draw_thumbnail(simulated, wsm(simulated.recording, MethodConfig()))
-    small = io.BytesIO()
-    Image.open(io.BytesIO(png(figure, DPI))).convert("RGB").quantize(COLOURS).save(
-        small, "PNG", optimize=True
-    )
+    drawn, small = Image.open(io.BytesIO(png(figure, DPI))), io.BytesIO()
+    drawn.convert("RGB").quantize(COLOURS).save(small, "PNG", optimize=True)
     return small.getvalue()
 
 

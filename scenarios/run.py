@@ -20,9 +20,9 @@ from scenarios.options import check_seed, parse_names
 from slam.cli import POSE, InputError, Pose, main
 
 if TYPE_CHECKING:
-    from scenarios.evaluation import Metric
+    from scenarios.evaluation.metric import Metric
     from scenarios.methods.config import MethodConfig
-    from scenarios.run_folder.run import Run
+    from scenarios.run_folder.write import Run
     from scenarios.source import Source
     from scenarios.stages import Stages
     from slam.recording import Recording
@@ -97,7 +97,6 @@ def run(options: Options) -> None:
     from rich.console import Console
 
     from scenarios.evaluation import evaluate
-    from scenarios.report.page import write_report
     from scenarios.run_folder import directory
     from scenarios.run_folder.write import write_run
     from scenarios.stages import Stages
@@ -111,6 +110,8 @@ def run(options: Options) -> None:
         metrics = evaluate(source.recording, [*answers, *source.published])
         metrics += costs(answers, source.recording, stages)
     result = described(options, config, source, estimates, metrics)
+    from scenarios.report.page import write_report  # here: matplotlib is no part of what a method takes
+
     with directory.prepare(options.out, name) as folder:
         with stages.stage("report"):
             write_run(folder.temporary, result)
@@ -268,8 +269,8 @@ def described(
     options: Options, config: MethodConfig, source: Source, estimates: list[Estimate], metrics: list[Metric]
 ) -> Run:
     """The run with what it takes to make it again: the command line, every parameter, and the versions."""
-    from scenarios.environment import environment
-    from scenarios.run_folder.run import Run
+    from scenarios.run_folder.write import Run
+    from scenarios.stages import environment
 
     asked = {
         "command": shlex.join(["python", "-m", COMMAND, *sys.argv[1:]]),
@@ -282,7 +283,7 @@ def described(
 
 def show(result: Run, form: str, folder: Path) -> None:
     """The results on stdout."""
-    from scenarios.report.metrics_table import tabulate
+    from scenarios.report.summary import tabulate
 
     if form == "json":
         print(result.metrics_json())

@@ -1,12 +1,17 @@
-"""The stages of a run: announced on stderr, timed, their peak memory read from the kernel."""
+"""What a result took and was made with: the stages of a run, announced on stderr and timed, their peak
+memory read from the kernel; versions, code and processor."""
 
 from __future__ import annotations
 
+import os
+import platform
 import re
+import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 PROCESS = Path("/proc/self")
+PACKAGES = ("numpy", "scipy", "numba", "pymunk", "opencv-python-headless", "gtsam", "matplotlib")
 
 
 @dataclass(frozen=True)
@@ -44,17 +50,50 @@ class Stages:
 
 def _reset_peak() -> None:
     """Reset the kernel's peak of resident memory; where it cannot be, the peak is that of the process."""
-    reset = PROCESS / "clear_refs"
-    if reset.exists():
-        try:
-            reset.write_text("5")
-        except OSError:
-            return
+    with suppress(OSError):
+        (PROCESS / "clear_refs").write_text("5")
 
 
 def _peak_mb() -> float | None:
     status = PROCESS / "status"
-    if not status.exists():
-        return None
-    peak = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
+    peak = re.search(r"VmHWM:\s+(\d+) kB", status.read_text()) if status.exists() else None
     return int(peak[1]) / 1024.0 if peak else None
+
+
+def environment() -> dict[str, object]:
+    """Versions, git hash and processor."""
+    return {
+        "slamstitch": _version("slamstitch"),
+        "git": _git_hash(),
+        "python": platform.python_version(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "system": platform.platform(),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _git_hash() -> str | None:
+    """Hash of the checkout, with ``-dirty`` when files differ from it; None outside of one."""
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists():  # installed, perhaps into somebody else's checkout
+        return None
+    command = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=12"]
+    try:
+        described = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True, timeout=10)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return described.stdout.strip() or None
+
+
+def _processor() -> str:
+    cpus = Path("/proc/cpuinfo")
+    model = re.search(r"^model name\s*:(.*)$", cpus.read_text() if cpus.exists() else "", re.MULTILINE)
+    return model[1].strip() if model else platform.processor()

@@ -116,7 +116,7 @@ def simulate_recording(scenario: str, seed: int) -> Recording:
 def run_trial(trial: Trial, recording: Recording) -> Answer:
     """A trial's variant on its drive: one row, its metrics and processor time [s] without loading kernels."""
     from scenarios.evaluation import evaluate
-    from scenarios.evaluation.consistency import last_squared_error
+    from scenarios.evaluation.trajectory import last_squared_error
     from scenarios.methods.warm_up import warm_up_recording
 
     variant = MethodVariant(trial.method, **trial.config)

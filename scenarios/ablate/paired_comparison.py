@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarios.ablate.method_variants import LAST, OURS, DriveResult, MethodVariant
 from scenarios.ablate.statistics import NAN, median_interval
-from scenarios.evaluation.consistency import band
+from scenarios.evaluation.trajectory import band
 from scenarios.jsonable import jsonable
 from slam.table import ABSENT, Table, number, with_interval
 

@@ -47,8 +47,7 @@ def run(options: Options) -> None:
     from rich.console import Console
 
     from scenarios.bench.result import DATA_FOLDER, BenchmarkOptions, print_result, results_json
-    from scenarios.environment import environment
-    from scenarios.stages import Stages
+    from scenarios.stages import Stages, environment
 
     chosen = BenchmarkOptions(options.pairs, options.seed, options.data or DATA_FOLDER)
     names = [options.name] if options.name else BENCHES

@@ -46,10 +46,8 @@ def decided(called: np.ndarray, lost: np.ndarray) -> Decision:
 
 
 def roc_auc(scores: Array, lost: np.ndarray) -> float:
-    """Chance that a lost step scores above one that is not, a tie counting half (Mann & Whitney 1947).
-
-    NaN where all steps are of one kind.
-    """
+    """Chance that a lost step scores above one that is not, a tie counting half (Mann & Whitney 1947). NaN
+    where all steps are of one kind."""
     scores, lost = _checked(scores, lost)
     positive = int(lost.sum())
     pairs = positive * (len(lost) - positive)
@@ -61,14 +59,8 @@ def roc_auc(scores: Array, lost: np.ndarray) -> float:
 def precision_recall(scores: Array, lost: np.ndarray) -> tuple[Array, Array, Array]:
     """Precision and recall ``(K,)`` of calling lost what scores at least each of the K distinct
     ``thresholds (K,)``, from the highest down. Raises ``ValueError`` where no step is lost."""
-    scores, lost = _checked(scores, lost)
-    if not lost.any():
-        raise ValueError("precision and recall: expected at least one lost step")
-    order = np.argsort(-scores, kind="stable")
-    thresholds = scores[order]
-    last = np.append(thresholds[1:] != thresholds[:-1], True)  # inf - inf is no number: compare
-    right, called = np.cumsum(lost[order])[last], np.flatnonzero(last) + 1
-    return right / called, right / lost.sum(), thresholds[last]
+    thresholds, right, called = _cumulated(scores, lost, np.ones(len(lost)))
+    return right / called, right / np.sum(lost), thresholds
 
 
 def average_precision(scores: Array, lost: np.ndarray) -> float:
@@ -93,21 +85,12 @@ def spearman(a: Array, b: Array) -> float:
 
 
 def best_threshold(scores: Array, lost: np.ndarray, weights: Array) -> float:
-    """Largest threshold above which calling steps lost has the best F1, steps weighing ``weights (n,)``.
-
-    What exceeds the threshold is called, and a score of +inf in any case: the answer is +inf where nothing
-    else is worth calling. Raises ``ValueError`` where no step is lost.
-    """
-    scores, lost = _checked(scores, lost)
-    if not lost.any():
-        raise ValueError("threshold: expected at least one lost step")
-    order = np.argsort(-scores, kind="stable")
-    sorted_scores = scores[order]
-    last = np.append(sorted_scores[1:] != sorted_scores[:-1], True)
-    right = np.cumsum((weights * lost)[order])[last]
-    called = np.cumsum(weights[order])[last]
+    """Largest threshold above which calling steps lost has the best F1, steps weighing ``weights (n,)``. What
+    exceeds the threshold is called, and a score of +inf in any case: the answer is +inf where nothing else is
+    worth calling. Raises ``ValueError`` where no step is lost."""
+    steps, right, called = _cumulated(scores, lost, weights)
     f1 = 2.0 * right / (called + np.sum(weights * lost))
-    steps = sorted_scores[last]  # calling what is at least steps[k], so what exceeds a number below it
+    # calling what is at least steps[k], so what exceeds a number below it
     if not np.isposinf(steps[0]):
         steps, f1 = np.concatenate([[np.inf], steps]), np.concatenate([[0.0], f1])
     best = int(np.argmax(f1))
@@ -117,12 +100,22 @@ def best_threshold(scores: Array, lost: np.ndarray, weights: Array) -> float:
     return float(below if np.isposinf(steps[best]) else 0.5 * (steps[best] + below))
 
 
+def _cumulated(scores: Array, lost: np.ndarray, weights: Array) -> tuple[Array, Array, Array]:
+    """The K distinct thresholds ``(K,)``, from the highest down; the ``weights (n,)`` of the lost steps that
+    score at least so much, and those of all such steps."""
+    scores, lost = _checked(scores, lost)
+    if not lost.any():
+        raise ValueError("scores: expected at least one lost step")
+    order = np.argsort(-scores, kind="stable")
+    thresholds = scores[order]
+    last = np.append(thresholds[1:] != thresholds[:-1], True)  # inf - inf is no number: compare
+    return thresholds[last], np.cumsum((weights * lost)[order])[last], np.cumsum(weights[order])[last]
+
+
 def _checked(scores: Array, lost: np.ndarray) -> tuple[Array, np.ndarray]:
     scores, lost = _checked_scores(scores), np.asarray(lost)
     if scores.shape != lost.shape or lost.dtype != bool:
-        raise ValueError(
-            f"expected scores and bool of one shape, got {scores.shape}, {lost.shape} {lost.dtype}"
-        )
+        raise ValueError(f"expected bool of one shape, {scores.shape}, got {lost.shape} {lost.dtype}")
     return scores, lost
 
 

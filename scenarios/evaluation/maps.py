@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenarios.evaluation.metric import Metric, measured, missing
+from scenarios.evaluation.metric import NO_TRUTH, Definition, Values, absent
 from scenarios.evaluation.trajectory import aligned
 from slam.mapping.occupancy import Grid, draw
 from slam.recording import Recording
@@ -14,7 +14,16 @@ from slam.se2 import Array
 RESOLUTION = 0.05
 """Side of a cell [m] of the maps compared."""
 
-NAMES = ("map_f1", "map_iou", "map_chamfer")
+_BLIND = "Which way the map is bent, what no beam ever hit, and walls drawn twice within a cell."
+DEFINITIONS = {
+    "map_f1": Definition(
+        "", "higher", "occupied cells against the true map's, one cell of tolerance", _BLIND
+    ),
+    "map_iou": Definition("", "higher", "overlap of the occupied cells, both widened by a cell", _BLIND),
+    "map_chamfer": Definition(
+        "m", "lower", "mean distance between the walls of both maps, both ways", _BLIND
+    ),
+}
 _NEIGHBOURHOOD = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 2)
 
 
@@ -28,7 +37,7 @@ def true_map(recording: Recording) -> Grid | None:
     return None if recording.truth is None else map_at(recording, recording.truth)
 
 
-def map_metrics(method: str, poses: Array, recording: Recording, truth_map: Grid | None) -> list[Metric]:
+def map_metrics(poses: Array, recording: Recording, truth_map: Grid | None) -> Values:
     """F1, IoU and chamfer distance of the occupied cells.
 
     The map is redrawn from ``poses (N, 3)`` after the SE(2) alignment of the trajectory: in the frame of the
@@ -37,15 +46,15 @@ def map_metrics(method: str, poses: Array, recording: Recording, truth_map: Grid
     same beams.
     """
     if truth_map is None or recording.truth is None:
-        return missing(method, NAMES, "the recording has no truth")
+        return absent(DEFINITIONS, NO_TRUTH)
     try:
         grid = map_at(recording, aligned(poses, recording.truth))
     except ValueError as error:
-        return missing(method, NAMES, f"the map cannot be drawn: {error}")
+        return absent(DEFINITIONS, f"the map cannot be drawn: {error}")
     estimate, truth = occupied_cells(grid), occupied_cells(truth_map)
     if len(estimate) == 0 or len(truth) == 0:
-        return missing(method, NAMES, "no occupied cell to compare")
-    return measured(method, compare(estimate, truth, RESOLUTION))
+        return absent(DEFINITIONS, "no occupied cell to compare")
+    return compare(estimate, truth, RESOLUTION)
 
 
 def occupied_cells(grid: Grid) -> np.ndarray:
@@ -54,12 +63,10 @@ def occupied_cells(grid: Grid) -> np.ndarray:
     return np.stack([columns, rows], -1) + np.rint(grid.origin / grid.resolution).astype(np.int64)
 
 
-def compare(estimate: np.ndarray, truth: np.ndarray, resolution: float) -> dict[str, float]:
-    """``map_f1``, ``map_iou`` and ``map_chamfer`` [m] of two non-empty sets of cells ``(n, 2)``.
-
-    F1 is of precision and recall with a tolerance of one cell, IoU of both sets widened by one cell, chamfer
-    the mean of the mean distances to the nearest cell of the other set, both ways.
-    """
+def compare(estimate: np.ndarray, truth: np.ndarray, resolution: float) -> Values:
+    """``map_f1``, ``map_iou`` and ``map_chamfer`` [m] of two non-empty sets of cells ``(n, 2)``. F1 is of
+    precision and recall with a tolerance of one cell, IoU of both sets widened by one cell, chamfer the mean
+    of the mean distances to the nearest cell of the other set, both ways."""
     a, b = _widened(estimate), _widened(truth)
     both = len(np.intersect1d(a, b, assume_unique=True))
     distance = (cKDTree(truth).query(estimate)[0].mean() + cKDTree(estimate).query(truth)[0].mean()) / 2.0

@@ -1,24 +1,34 @@
-"""One measured number: name, value, unit, direction, and the method it is about."""
+"""What a metric means, and one measured number: name, value, unit, direction, and the method it is about."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from scenarios.evaluation.definitions import DEFINITIONS
-
 Better = Literal["lower", "higher"]
-COST = ("wall_s", "scans_per_s", "peak_mb")
+Values = dict[str, float | str]
+"""Metric name -> its value, or the reason why there is none."""
+
+NO_TRUTH = "the recording has no truth"
+
+
+@dataclass(frozen=True)
+class Definition:
+    """Unit, direction (None where neither is better), meaning and blind spot of a metric."""
+
+    unit: str
+    better: Better | None
+    meaning: str
+    cannot_see: str
 
 
 @dataclass(frozen=True)
 class Metric:
-    """A number about a method, or the reason why there is none (``value`` None).
-
-    ``better`` is None where neither direction is. Raises ``ValueError`` for a value that is not finite, and
-    for a value with a reason or neither.
-    """
+    """A number about a method, or the reason why there is none (``value`` None). ``better`` is None where
+    neither direction is. Raises ``ValueError`` for a value that is not finite, and for a value with a reason
+    or neither."""
 
     name: str
     value: float | None
@@ -45,26 +55,6 @@ class Metric:
         return entry if self.reason is None else {**entry, "reason": self.reason}
 
 
-def measured(method: str, values: dict[str, float]) -> list[Metric]:
-    """Metrics of one method from ``name -> value``; unit and direction as defined for the name."""
-    return [
-        Metric(name, float(value), DEFINITIONS[name].unit, DEFINITIONS[name].better, None, method)
-        for name, value in values.items()
-    ]
-
-
-def missing(method: str, names: tuple[str, ...], reason: str) -> list[Metric]:
-    """Metrics of one method that cannot be computed, and why."""
-    return [Metric(n, None, DEFINITIONS[n].unit, DEFINITIONS[n].better, reason, method) for n in names]
-
-
-def cost(method: str, wall_s: float, scans: int, peak_mb: float | None) -> list[Metric]:
-    """What a method took: wall time [s], scans per second, peak memory [MB], None if not measured."""
-    metrics = measured(method, {"wall_s": wall_s})
-    if wall_s > 0.0:
-        metrics += measured(method, {"scans_per_s": scans / wall_s})
-    else:
-        metrics += missing(method, ("scans_per_s",), "no time passed")
-    if peak_mb is None:
-        return metrics + missing(method, ("peak_mb",), "peak memory was not measured")
-    return metrics + measured(method, {"peak_mb": peak_mb})
+def absent(names: Iterable[str], reason: str) -> Values:
+    """The metrics ``names`` cannot be computed, and why."""
+    return dict.fromkeys(names, reason)

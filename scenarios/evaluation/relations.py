@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenarios.evaluation.metric import Metric, measured, missing
+from scenarios.evaluation.metric import Definition, Values, absent
 from slam import se2
 from slam.recording import Odometry, Recording, Relations
 from slam.se2 import Array
@@ -24,17 +25,26 @@ TURN_LENGTH = 0.05
 GMapping's answer on the Intel log scores 0.0447 m with it and 0.0453 m without.
 """
 
-PARTS = ("trans_mean", "trans_std", "rot_mean", "rot_std")
-ALL = tuple(f"relation_{part}" for part in PARTS)
-CLEAR = tuple(f"relation_clear_{part}" for part in PARTS)
+PARTS = {
+    "trans_mean": ("m", "translation error of the relations, mean"),
+    "trans_std": ("m", "translation error of the relations, standard deviation"),
+    "rot_mean": ("deg", "rotation error of the relations, mean"),
+    "rot_std": ("deg", "rotation error of the relations, standard deviation"),
+}
+_BLIND = "Walls and free space; a relation is judged by poses carried between scans by dead reckoning."
+_CLEAR = "The same, and the relations it leaves out: those come from stretches where the log is densest."
+ALL = {f"relation_{part}": Definition(unit, "lower", words, _BLIND) for part, (unit, words) in PARTS.items()}
+CLEAR = {
+    f"relation_clear_{part}": Definition(unit, "lower", f"{words}, unambiguous stamps only", _CLEAR)
+    for part, (unit, words) in PARTS.items()
+}
+DEFINITIONS = ALL | CLEAR
 
 
 @dataclass(frozen=True)
 class RelativePoses:
-    """Relative poses ``T_12 (K, 3)`` between ``rows (K, 2)`` of a list of poses.
-
-    ``clear (K,)`` is True where it is beyond doubt which rows are meant.
-    """
+    """Relative poses ``T_12 (K, 3)`` between ``rows (K, 2)`` of a list of poses. ``clear (K,)`` is True where
+    it is beyond doubt which rows are meant."""
 
     rows: np.ndarray
     T_12: Array
@@ -42,11 +52,9 @@ class RelativePoses:
 
 
 def relations_from_truth(truth: Array) -> RelativePoses:
-    """Relations between scans from ``truth (N, 3)``: all consecutive ones, and revisits of places.
-
-    A revisit is a pair within 1 m after more than 10 m of driving; of these every k-th is kept, so that there
-    are no more of them than scans.
-    """
+    """Relations between scans from ``truth (N, 3)``: all consecutive ones, and revisits of places. A revisit
+    is a pair within 1 m after more than 10 m of driving; of these every k-th is kept, so that there are no
+    more of them than scans."""
     n = len(truth)
     steps = np.stack([np.arange(n - 1), np.arange(1, n)], -1)
     near = cKDTree(truth[:, :2]).query_pairs(REVISIT_DISTANCE, output_type="ndarray").reshape(-1, 2)
@@ -54,9 +62,8 @@ def relations_from_truth(truth: Array) -> RelativePoses:
     near = near[travelled[near[:, 1]] - travelled[near[:, 0]] > REVISIT_PATH]
     near = near[np.lexsort((near[:, 1], near[:, 0]))]
     rows = np.concatenate([steps, near[:: -(-len(near) // n) or 1]])
-    return RelativePoses(
-        rows, se2.between(truth[rows[:, 0]], truth[rows[:, 1]]), np.ones(len(rows), dtype=bool)
-    )
+    T_12 = se2.between(truth[rows[:, 0]], truth[rows[:, 1]])
+    return RelativePoses(rows, T_12, np.ones(len(rows), dtype=bool))
 
 
 def relations_from_stamps(relations: Relations, odometry: Odometry) -> RelativePoses:
@@ -78,10 +85,30 @@ def relations_from_stamps(relations: Relations, odometry: Odometry) -> RelativeP
         raise ValueError(
             f"none of the {len(known)} relations has both stamps within {STAMP_TOLERANCE} s of the odometry"
         )
-    first = np.searchsorted(time, relations.stamps - CLEAR_WINDOW, side="left")
-    last = np.searchsorted(time, relations.stamps + CLEAR_WINDOW, side="right")
-    clear = np.all(last - first <= 1, axis=1)
+    clear = np.all(_unambiguous(relations.stamps, time), axis=1)
     return RelativePoses(order[nearest[known]], relations.T_12[known], clear[known])
+
+
+def _unambiguous(stamps: Array, time: Array) -> np.ndarray:
+    """Where no more than one of the sorted ``time (M,)`` lies within `CLEAR_WINDOW` of each stamp."""
+    first = np.searchsorted(time, stamps - CLEAR_WINDOW, side="left")
+    return np.searchsorted(time, stamps + CLEAR_WINDOW, side="right") - first <= 1
+
+
+def clear_relations(recording: Recording) -> Relations | None:
+    """The recording's own relations, else those of its truth with stamps beyond doubt; None without either.
+    Like the benchmark's they are between poses of the laser. A stamp with a second odometry record within 10
+    ms is left out (Kümmerle et al. 2009 name poses by their stamps alone)."""
+    if recording.relations is not None or recording.truth is None or len(recording) < 2:
+        return recording.relations
+    truth = se2.compose(recording.truth, recording.laser.T_robot_laser)
+    pairs = relations_from_truth(truth)
+    stamps = recording.time
+    if recording.odometry is not None:
+        own = recording.odometry.time[recording.odometry.scan_row] == stamps
+        stamps = np.concatenate([recording.odometry.time, stamps[~own]])
+    clear = np.all(_unambiguous(recording.time, np.sort(stamps))[pairs.rows], axis=1)
+    return Relations(recording.time[pairs.rows[clear]], pairs.T_12[clear]) if np.any(clear) else None
 
 
 def carry(poses: Array, odometry: Odometry) -> Array:
@@ -98,16 +125,12 @@ def carry(poses: Array, odometry: Odometry) -> Array:
     motion = odometry.poses
     predicted = se2.compose(poses[last], se2.between(motion[start], motion[stop]))
     correction = se2.log(se2.between(predicted, poses[following]))
-    path = se2.path_length(motion) + TURN_LENGTH * _turned(motion)
+    turned = np.cumsum(np.abs(se2.wrap(np.diff(motion[:, 2], prepend=motion[0, 2]))))
+    path = se2.path_length(motion) + TURN_LENGTH * turned
     span = path[stop] - path[start]
     share = np.divide(path - path[start], span, out=np.zeros(len(span)), where=span > 0.0)
     carried = se2.compose(poses[last], se2.between(motion[start], motion))
     return se2.compose(carried, se2.exp(np.clip(share, 0.0, 1.0)[:, None] * correction))
-
-
-def _turned(poses: Array) -> Array:
-    """Angle [rad] turned up to each of the poses ``(M, 3)``, either way."""
-    return np.concatenate([[0.0], np.cumsum(np.abs(se2.wrap(np.diff(poses[:, 2]))))])
 
 
 def relation_pairs(recording: Recording) -> RelativePoses | None:
@@ -119,32 +142,28 @@ def relation_pairs(recording: Recording) -> RelativePoses | None:
     return None
 
 
-def relation_metrics(
-    method: str, poses: Array, recording: Recording, pairs: RelativePoses | None
-) -> list[Metric]:
+def relation_metrics(poses: Array, recording: Recording, pairs: RelativePoses | None) -> Values:
     """Mean and standard deviation of the errors of ``poses (N, 3)`` over all and over the clear relations.
-
-    Relations of a file are between poses of the laser: they were made by aligning its scans by hand
-    (Kümmerle et al. 2009). Those from truth are between the robot's.
-    """
+    Relations of a file are between poses of the laser: they were made by aligning its scans by hand (Kümmerle
+    et al. 2009). Those from truth are between the robot's."""
     if pairs is None:
-        return missing(method, ALL + CLEAR, "the recording has neither relations nor truth of two scans")
+        return absent(DEFINITIONS, "the recording has neither relations nor truth of two scans")
     at_rows = poses
     if recording.relations is not None:
         at_rows = se2.compose(carry(poses, _odometry(recording)), recording.laser.T_robot_laser)
     error = se2.between(pairs.T_12, se2.between(at_rows[pairs.rows[:, 0]], at_rows[pairs.rows[:, 1]]))
     translation, rotation = np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(se2.wrap(error[:, 2])))
-    metrics = measured(method, dict(zip(ALL, _summary(translation, rotation), strict=True)))
+    values = _summary(ALL, translation, rotation)
     if recording.relations is None:
-        return metrics + missing(method, CLEAR, "relations made from truth have no ambiguous stamps")
+        return values | absent(CLEAR, "relations made from truth have no ambiguous stamps")
     if not np.any(pairs.clear):
-        return metrics + missing(method, CLEAR, "every relation has an ambiguous stamp")
-    clear = _summary(translation[pairs.clear], rotation[pairs.clear])
-    return metrics + measured(method, dict(zip(CLEAR, clear, strict=True)))
+        return values | absent(CLEAR, "every relation has an ambiguous stamp")
+    return values | _summary(CLEAR, translation[pairs.clear], rotation[pairs.clear])
 
 
-def _summary(translation: Array, rotation: Array) -> tuple[float, float, float, float]:
-    return tuple(float(v) for v in (translation.mean(), translation.std(), rotation.mean(), rotation.std()))  # type: ignore[return-value]
+def _summary(names: Iterable[str], translation: Array, rotation: Array) -> Values:
+    numbers = translation.mean(), translation.std(), rotation.mean(), rotation.std()
+    return dict(zip(names, numbers, strict=True))
 
 
 def _odometry(recording: Recording) -> Odometry:

@@ -1,26 +1,63 @@
-"""Absolute and relative pose errors of a drive against truth (Sturm et al. 2012), as evo computes them."""
+"""Pose errors of a drive against truth, absolute and relative (Sturm et al. 2012), as evo computes them;
+whether a method's covariance tells the truth about them; and what was answered on the way."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import chi2
 
-from scenarios.evaluation.metric import Metric, measured, missing
+from scenarios.evaluation.metric import NO_TRUTH, Definition, Values, absent
 from slam import se2
 from slam.se2 import Array
+from stitch.mapping.estimate import OnlineResult
 
-ABSOLUTE = ("ate_rmse", "ate_median", "ate_max", "ate_rmse_anchored", "yaw_rmse")
 RPE_LENGTHS = (1, 10)
 """Travelled distances [m] of the relative pose errors."""
 RPE_TOLERANCE = 0.1
 """How far, as a share of the length, a pair may be from the wanted travelled distance."""
 
+_BENT = "A bent map: the alignment spreads an error made at one place over the whole drive."
+_TAIL = "Where the error happened, and how most of the drive fared: one bad place rules it."
+_ANCHORED = "How good the map is apart from its first heading: a small yaw error there grows with distance."
+_LOCAL = (
+    "Whether the map closes: errors beyond the window do not count, nor do windows where the robot stood."
+)
+_WAITING = "How long a scan waits for those before it when these take longer than the next one needs to come."
+_JUMP = "How far a pose that was given early jumped when a loop closed later."
+_GIVEN = "position error after SE(2) alignment of each pose as given when its scan arrived, RMSE"
+_CHANCE = "Chance: poses of one drive share their errors, so only many drives make a test of it."
+_ATE = "position error after SE(2) alignment"
+
+DEFINITIONS = {
+    "ate_rmse": Definition("m", "lower", f"{_ATE}, RMSE", _BENT),
+    "ate_median": Definition("m", "lower", f"{_ATE}, median", "The worse half of the drive."),
+    "ate_max": Definition("m", "lower", f"{_ATE}, largest", _TAIL),
+    "ate_rmse_anchored": Definition(
+        "m", "lower", "position error in the frame of the first pose, RMSE", _ANCHORED
+    ),
+    "yaw_rmse": Definition("deg", "lower", "heading error after the same alignment, RMSE", _BENT),
+} | {
+    f"rpe_{part}_{length}m": Definition(
+        unit, "lower", f"{word} error over {length} m of driving, RMSE", _LOCAL
+    )
+    for length in RPE_LENGTHS
+    for part, unit, word in (("trans", "m", "translation"), ("rot", "deg", "rotation"))
+}
+CONSISTENCY = {
+    "anees": Definition("", None, "squared error over its stated covariance, / 3; 1 is honest", _CHANCE)
+}
+ONLINE = {
+    "ate_online": Definition("m", "lower", _GIVEN, _JUMP),
+    "latency_median": Definition("ms", "lower", "from a scan's arrival to its pose, median", _WAITING),
+    "latency_p99": Definition("ms", "lower", "from a scan's arrival to its pose, 99th percentile", _WAITING),
+    "latency_max": Definition("ms", "lower", "from a scan's arrival to its pose, longest", _WAITING),
+}
+
 
 def align(poses: Array, truth: Array) -> Array:
-    """``T_truth_estimate (3,)`` that aligns positions, least squares without scale (Umeyama 1991).
-
-    ``poses`` and ``truth`` are ``(N, 3)``. Where the positions do not fix a rotation (a robot that stood
-    still) the headings do. Raises ``ValueError`` when the shapes differ or a pose is not finite.
-    """
+    """``T_truth_estimate (3,)`` that aligns positions, least squares without scale (Umeyama 1991). ``poses``
+    and ``truth`` are ``(N, 3)``. Where the positions do not fix a rotation (a robot that stood still) the
+    headings do. Raises ``ValueError`` when the shapes differ or a pose is not finite."""
     if poses.shape != truth.shape or poses.ndim != 2 or poses.shape[1:] != (3,):
         raise ValueError(f"alignment: expected two (N, 3), got {poses.shape} and {truth.shape}")
     if not (np.all(np.isfinite(poses)) and np.all(np.isfinite(truth))):
@@ -36,9 +73,9 @@ def align(poses: Array, truth: Array) -> Array:
     return np.array([*(mean_truth - se2.rotation(yaw) @ mean_pose), yaw])
 
 
-def aligned(poses: Array, truth: Array) -> Array:
-    """``poses (N, 3)`` moved onto ``truth (N, 3)`` by `align`."""
-    return se2.compose(align(poses, truth), poses)
+def aligned(poses: Array, truth: Array | None) -> Array:
+    """``poses (N, 3)`` moved onto ``truth (N, 3)`` by `align`; as they are without truth."""
+    return poses if truth is None else se2.compose(align(poses, truth), poses)
 
 
 def travelled_pairs(truth: Array, length: float, tolerance: float = RPE_TOLERANCE) -> np.ndarray:
@@ -65,47 +102,92 @@ def relative_errors(poses: Array, truth: Array, pairs: np.ndarray) -> tuple[Arra
     return np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])
 
 
-def trajectory_metrics(method: str, poses: Array, truth: Array | None) -> list[Metric]:
+def trajectory_metrics(poses: Array, truth: Array | None) -> Values:
     """ATE, heading error and RPE of ``poses (N, 3)``; without ``truth`` the reason why there are none."""
     if truth is None:
-        names = ABSOLUTE + tuple(name for length in RPE_LENGTHS for name in _rpe_names(length))
-        return missing(method, names, "the recording has no truth")
-    metrics = _absolute(method, poses, truth)
-    for length in RPE_LENGTHS:
-        metrics += _relative(method, poses, truth, length)
-    return metrics
-
-
-def _absolute(method: str, poses: Array, truth: Array) -> list[Metric]:
+        return absent(DEFINITIONS, NO_TRUTH)
     best = aligned(poses, truth)
     anchored = se2.compose(truth[0], se2.between(poses[0], poses))
-    distance = _distance(best, truth)
-    values = (
-        _rms(distance),
-        float(np.median(distance)),
-        float(distance.max()),
-        _rms(_distance(anchored, truth)),
-        float(np.degrees(_rms(se2.wrap(best[:, 2] - truth[:, 2])))),
-    )
-    return measured(method, dict(zip(ABSOLUTE, values, strict=True)))
-
-
-def _relative(method: str, poses: Array, truth: Array, length: int) -> list[Metric]:
-    names = _rpe_names(length)
-    pairs = travelled_pairs(truth, length)
-    if len(pairs) == 0:
-        return missing(method, names, f"no two scans lie {length} m of driving apart")
-    translation, rotation = relative_errors(poses, truth, pairs)
-    return measured(method, {names[0]: _rms(translation), names[1]: float(np.degrees(_rms(rotation)))})
-
-
-def _rpe_names(length: int) -> tuple[str, str]:
-    return f"rpe_trans_{length}m", f"rpe_rot_{length}m"
-
-
-def _distance(poses: Array, truth: Array) -> Array:
-    return np.linalg.norm(poses[:, :2] - truth[:, :2], axis=1)
+    distance = np.linalg.norm(best[:, :2] - truth[:, :2], axis=1)
+    values: Values = {
+        "ate_rmse": _rms(distance),
+        "ate_median": float(np.median(distance)),
+        "ate_max": float(distance.max()),
+        "ate_rmse_anchored": _rms(np.linalg.norm(anchored[:, :2] - truth[:, :2], axis=1)),
+        "yaw_rmse": float(np.degrees(_rms(se2.wrap(best[:, 2] - truth[:, 2])))),
+    }
+    for length in RPE_LENGTHS:
+        names = f"rpe_trans_{length}m", f"rpe_rot_{length}m"
+        pairs = travelled_pairs(truth, length)
+        if len(pairs) == 0:
+            values |= absent(names, f"no two scans lie {length} m of driving apart")
+            continue
+        translation, rotation = relative_errors(poses, truth, pairs)
+        values |= {names[0]: _rms(translation), names[1]: float(np.degrees(_rms(rotation)))}
+    return values
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def online_metrics(online: OnlineResult | None, truth: Array | None) -> Values:
+    """Error of the poses as given on the way, and how long each scan took [ms]."""
+    if online is None:
+        return absent(ONLINE, "the method answers when the drive is over")
+    milliseconds = 1e3 * online.seconds
+    error: float | str = NO_TRUTH
+    if truth is not None:
+        off = aligned(online.poses, truth)[:, :2] - truth[:, :2]
+        error = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+    return {
+        "ate_online": error,
+        "latency_median": float(np.median(milliseconds)),
+        "latency_p99": float(np.percentile(milliseconds, 99.0)),
+        "latency_max": float(milliseconds.max()),
+    }
+
+
+def consistency_metrics(poses: Array, covariance: Array | None, truth: Array | None) -> Values:
+    """Average normalised estimation error squared over 3: above 1 is over-confident, below 1 timid."""
+    if covariance is None:
+        return absent(CONSISTENCY, "the method states no covariance of its poses")
+    if truth is None:
+        return absent(CONSISTENCY, NO_TRUTH)
+    nees = squared_errors(poses, covariance, truth)
+    return {"anees": nees.mean() / 3.0 if len(nees) else "no pose has a usable covariance"}
+
+
+def squared_errors(poses: Array, covariance: Array, truth: Array) -> Array:
+    """Normalised estimation errors squared ``(K,)``, expected 3 each.
+
+    Poses ``(N, 3)`` and ``truth (N, 3)`` are taken relative to their first, because a map has no frame of its
+    own; the error of each is in its body tangent, as ``covariance (N, 3, 3)`` is. The first pose, and those
+    whose covariance is not finite or not positive definite, are left out.
+    """
+    error = se2.log(se2.between(se2.between(poses[0], poses), se2.between(truth[0], truth)))[1:]
+    sigma = covariance[1:]
+    usable = np.all(np.isfinite(sigma), axis=(1, 2))
+    usable[usable] = np.linalg.eigvalsh(sigma[usable])[:, 0] > 0.0
+    error, sigma = error[usable], sigma[usable]
+    return np.einsum("ni,ni->n", error, np.linalg.solve(sigma, error[..., None])[..., 0])
+
+
+def last_squared_error(poses: Array, covariance: Array | None, truth: Array) -> float:
+    """Normalised estimation error squared of the last pose, expected 3; NaN where no covariance is usable.
+    One number per drive: over many drives these are independent, which the poses of one drive are not."""
+    if covariance is None:
+        return float("nan")
+    ends = [0, -1]
+    nees = squared_errors(poses[ends], covariance[ends], truth[ends])
+    return float(nees[0]) if len(nees) else float("nan")
+
+
+def band(runs: int, probability: float = 0.95) -> tuple[float, float]:
+    """Interval that holds the average of ``runs`` independent squared errors, / 3, of an honest covariance.
+    χ² with ``3 runs`` degrees of freedom (Bar-Shalom, Li & Kirubarajan 2001, §5.4). Raises ``ValueError`` for
+    no runs."""
+    if runs < 1:
+        raise ValueError(f"band: expected one run or more, got {runs}")
+    tail, freedom = (1.0 - probability) / 2.0, 3 * runs
+    return float(chi2.ppf(tail, freedom)) / freedom, float(chi2.ppf(1.0 - tail, freedom)) / freedom

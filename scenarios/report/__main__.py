@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -19,6 +20,7 @@ worked examples of the thesis' third chapter; what a corridor leaves unknown."""
 OF_FOLDERS = {"audit": "audit", "album": "figures", "view": "view"}
 """Name -> the module here whose ``run(folders, out) -> str`` returns text to print: the logs of the thesis
 scored against the truth in them; the figures of runs, with one for every stitch; a run in Rerun."""
+NAMES = (*PICTURES, *OF_FOLDERS)
 
 
 @dataclass(frozen=True)
@@ -26,9 +28,7 @@ class Options:
     """Compare runs: RUN … -o compare.html, printed as a table too. Or name what to draw or print."""
 
     what: Positional[
-        Annotated[
-            tuple[str, ...], arg(metavar=f"RUN …|{'|'.join([*PICTURES, *OF_FOLDERS])}", help_behavior_hint="")
-        ]
+        Annotated[tuple[str, ...], arg(metavar=f"RUN …|{'|'.join(NAMES)}", help_behavior_hint="")]
     ] = ()
     """Folders of runs or sweeps to compare, or a name, with the folders it is about."""
     out: Annotated[Path | None, arg(aliases=("-o",), metavar="PATH", help_behavior_hint="")] = None
@@ -40,38 +40,36 @@ class Options:
 def run(options: Options) -> None:
     """Write what is asked for and print its text. Raises `InputError`."""
     try:
-        text = write(options)
+        text = write(options.what, options.out, options.format)
     except OSError as error:
         raise InputError(f"--out {options.out}: cannot be written: {error.strerror}") from error
     print(text)
 
 
-def write(options: Options) -> str:
+def write(what: Sequence[str], out: Path | None, form: str) -> str:
     """Write what is asked for; returns its text. Raises `InputError`, and ``OSError`` for a place that cannot
     be written."""
-    name, *rest = options.what or ("",)
+    name, *rest = what or ("",)
     if name in PICTURES:
-        if options.out is None:
+        if out is None:
             raise InputError(f"-o: expected where to write {name}")
         if rest:
             raise InputError(f"{name}: unexpected argument {rest[0]!r}")
-        return str(import_module(f"scenarios.report.{PICTURES[name]}").run(options.out))
+        return str(import_module(f"scenarios.report.{PICTURES[name]}").run(out))
     if name in OF_FOLDERS:
         if not rest:
             raise InputError(f"{name}: expected the folder of a run")
         module = import_module(f"scenarios.report.{OF_FOLDERS[name]}")
-        return str(module.run([Path(word) for word in rest], options.out))
-    if not options.what:
-        raise InputError(f"expected folders of runs, or one of {', '.join([*PICTURES, *OF_FOLDERS])}")
-    folders = [Path(word) for word in options.what if not word.endswith(".html")]  # runs/* may have pages
+        return str(module.run([Path(word) for word in rest], out))
+    if not what:
+        raise InputError(f"expected folders of runs, or one of {', '.join(NAMES)}")
+    folders = [Path(word) for word in what if not word.endswith(".html")]  # runs/* may have pages
     for folder in folders:
         if not folder.is_dir():
-            raise InputError(
-                f"unknown report {str(folder)!r}: {nearest(str(folder), [*PICTURES, *OF_FOLDERS])}"
-            )
+            raise InputError(f"unknown report {str(folder)!r}: {nearest(str(folder), NAMES)}")
     from scenarios.report import compare
 
-    return compare.run(folders, options.out, options.format)
+    return compare.run(folders, out, form)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,6 @@ from slam.table import Table, number
 FILE = "wsm_patches.json"
 PRINTED = {"trace and det": 0.85, "matches and det": -0.50, "matches and trace": -0.48}
 """Rank correlations as the thesis prints them."""
-MEASURES = ("trace", "det", "matches")
 
 
 @dataclass(frozen=True)
@@ -40,21 +39,11 @@ class Patches:
 
 
 @dataclass(frozen=True)
-class Score:
-    """A measure against the truth: area under the ROC curve and average precision over all steps, and of
-    those with a match."""
-
-    auc: float
-    auc_matched: float
-    ap: float
-    ap_matched: float
-
-
-@dataclass(frozen=True)
 class Audit:
     """Correlations by pair of measures with failed matches as zero variance and as lost; and over the
     ``steps`` between extending patches, of which ``lost`` were, the decision to call those without a match
-    and a score of each measure."""
+    and of each measure the area under the ROC curve and the average precision, over all steps and over those
+    with a match."""
 
     as_zero: dict[str, float]
     as_lost: dict[str, float]
@@ -62,7 +51,7 @@ class Audit:
     steps: int
     lost: int
     zero_rule: Decision
-    scores: dict[str, Score]
+    scores: dict[str, list[float]]
 
     @property
     def labels_swapped(self) -> bool | None:
@@ -104,18 +93,14 @@ def read(path: Path) -> Patches:
 
 
 def audit(patches: Patches) -> Audit:
-    """The numbers of the thesis made again, and what the truth says.
-
-    Raises `InputError` where no step or every step is lost.
-    """
+    """The numbers of the thesis made again, and what the truth says. Raises `InputError` where no step or
+    every step is lost."""
     failed = np.isnan(patches.covariance[:, 0, 0]) | (patches.matches == 0)
     badness = _badness(patches, failed)
     steps = np.flatnonzero(patches.extends)
     before, after = steps[:-1], steps[1:]
-    error = se2.between(
-        se2.between(patches.truth[before], patches.truth[after]),
-        se2.between(patches.slam[before], patches.slam[after]),
-    )
+    truth, slam = (se2.between(poses[before], poses[after]) for poses in (patches.truth, patches.slam))
+    error = se2.between(truth, slam)
     lost, zero = step_error(error) > 1.0, failed[after]
     if not lost.any() or lost.all():
         raise InputError(f"{lost.sum()} of {len(lost)} steps are lost: nothing to tell apart")
@@ -126,37 +111,41 @@ def audit(patches: Patches) -> Audit:
         steps=len(lost),
         lost=int(lost.sum()),
         zero_rule=decided(zero, lost),
-        scores={name: _score(values[after], zero, lost) for name, values in badness.items()},
+        scores={
+            name: [
+                measure(values[after][steps], lost[steps])
+                for steps in (np.full(len(lost), True), ~zero)
+                for measure in (roc_auc, average_precision)
+            ]
+            for name, values in badness.items()
+        },
     )
 
 
 def to_text(result: Audit) -> str:
     """An audit as tables and sentences."""
     swapped, rule = result.labels_swapped, result.zero_rule
-    about = ["These are not the patches whose correlations the thesis prints."]
-    if swapped is not None:
-        about = [
-            f"Made again with the {result.unmatched} patches without a match as zero variance, which turns "
-            "them into the most certain ones; as lost they are the least certain."
-        ]
-    if swapped:
-        about.insert(0, "The last two printed numbers fit when interchanged: the thesis swaps their labels.")
+    about = (
+        "These are not the patches whose correlations the thesis prints."
+        if swapped is None
+        else f"Made again with the {result.unmatched} patches without a match as zero variance, which turns "
+        "them into the most certain ones; as lost they are the least certain."
+    )
+    labels = ["The last two printed numbers fit when interchanged: the thesis swaps their labels."]
     correlations = Table(
         ["rank correlation of", "printed", "made again", "as lost"],
         [
             [pair, number(printed, 2), number(result.as_zero[pair]), number(result.as_lost[pair])]
             for pair, printed in PRINTED.items()
         ],
-        notes=["", *about],
+        notes=["", *(labels if swapped else []), about],
     )
-    chance = ["chance", number(0.5), number(result.lost / result.steps), "", ""]
     scores = Table(
         ["measure", "AUC", "AP", "AUC, steps with a match", "AP, steps with a match"],
         [
-            [name, *map(number, (score.auc, score.ap, score.auc_matched, score.ap_matched))]
-            for name, score in result.scores.items()
-        ]
-        + [chance],
+            *([name, *map(number, scores)] for name, scores in result.scores.items()),
+            ["chance", number(0.5), number(result.lost / result.steps), "", ""],
+        ],
     )
     sentences = (
         f"{result.lost} of {result.steps} steps between extending patches are off by more than 0.2 m or 5°.\n"
@@ -169,27 +158,18 @@ def to_text(result: Audit) -> str:
 def _badness(patches: Patches, failed: np.ndarray) -> dict[str, Array]:
     """The three measures ``(N,)``, larger = worse; +inf where nothing matched."""
     P = patches.covariance
-    values = (
-        np.abs(P[:, 0, 0] + P[:, 1, 1]),
-        np.abs(P[:, 0, 0] * P[:, 1, 1] - P[:, 0, 1] * P[:, 1, 0]),
-        -patches.matches,
-    )
-    return {name: np.where(failed, np.inf, value) for name, value in zip(MEASURES, values, strict=True)}
+    values = {
+        "trace": np.abs(P[:, 0, 0] + P[:, 1, 1]),
+        "det": np.abs(P[:, 0, 0] * P[:, 1, 1] - P[:, 0, 1] * P[:, 1, 0]),
+        "matches": -patches.matches,
+    }
+    return {name: np.where(failed, np.inf, value) for name, value in values.items()}
 
 
 def _correlations(badness: dict[str, Array]) -> dict[str, float]:
     """Rank correlations of the three, of the matches themselves rather than of their lack."""
     columns = {**badness, "matches": -badness["matches"]}
     return {pair: spearman(*(columns[name] for name in pair.split(" and "))) for pair in PRINTED}
-
-
-def _score(values: Array, zero: np.ndarray, lost: np.ndarray) -> Score:
-    return Score(
-        roc_auc(values, lost),
-        roc_auc(values[~zero], lost[~zero]),
-        average_precision(values, lost),
-        average_precision(values[~zero], lost[~zero]),
-    )
 
 
 def _poses(records: Sequence[dict[str, dict[str, float]]], name: str) -> Array:

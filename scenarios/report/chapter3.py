@@ -1,17 +1,22 @@
-"""The worked examples of the thesis' third chapter (Formsma 2012), drawn from shapes of our own."""
+"""The worked examples of the thesis' third chapter (Formsma 2012), drawn from shapes of our own with known
+answers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from scenarios.report import shapes
 from scenarios.report.style import FONT, WIDTH, png
 from slam import se2
 from slam.colours import BLACK, BLUE, GREY, VERMILLION
+from slam.mapping.occupancy import Grid
+from slam.mapping.submap import Submap
+from slam.scan import Scan
 from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.config import AlignConfig
@@ -21,45 +26,136 @@ from stitch.alignment.translation import correlation_along, profile
 from stitch.published.htms import DIRECTIONS, dominant_direction, four_hypotheses
 from stitch.published.pair import Pair, pair
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-CONFIG = AlignConfig(method="htms", resolution=shapes.PIXEL)
+PIXEL = 0.05
+"""Side of a drawn cell [m]."""
+T_MAP_CUTOUT = np.array([9.5, 3.5, np.radians(79.0)])
+"""Where the cut-out lies in the map of rooms."""
+CUTOUT = 3.6
+"""Radius of the cut-out [m]: round, so that its edge has no direction."""
+CONFIG = AlignConfig(method="htms", resolution=PIXEL)
 
 
 def run(out: Path) -> Path:
     """Write the pictures, one PNG for each of `PICTURES`, into the folder ``out`` and return it."""
     out.mkdir(parents=True, exist_ok=True)
-    pictures = {name: png(draw()) for name, draw in PICTURES.items()}
-    for name, data in pictures.items():
-        (out / f"{name}.png").write_bytes(data)
+    for name, draw in PICTURES.items():
+        (out / f"{name}.png").write_bytes(png(draw()))
     return out
 
 
-def lines() -> Figure:
+def lines() -> Array:
+    """Two lines, segments ``(2, 4)`` m: normals at 0° and 45°, 1.5 m and 0.5 m from the origin."""
+    normal = np.array([1.0, 1.0]) / np.sqrt(2.0)
+    along = np.array([-normal[1], normal[0]])
+    slanted = [*(0.5 * normal - 2.0 * along), *(0.5 * normal + 2.0 * along)]
+    return np.array([[1.5, -1.8, 1.5, 1.8], slanted])
+
+
+def rooms() -> Array:
+    """A floor of 12 x 8 m in segments ``(S, 4)`` m: rooms of different sizes with doors, walls at 0° and
+    90°."""
+    walls = [
+        *_outline([(0.0, 0.0), (12.0, 0.0), (12.0, 8.0), (0.0, 8.0)]),
+        (0.0, 4.6, 1.4, 4.6), (2.3, 4.6, 6.8, 4.6), (7.7, 4.6, 12.0, 4.6),
+        (3.4, 0.0, 3.4, 2.6), (3.4, 3.5, 3.4, 4.6),
+        (8.2, 0.0, 8.2, 0.7), (8.2, 1.6, 8.2, 4.6),
+        (5.0, 4.6, 5.0, 6.9),
+        (9.7, 5.7, 9.7, 8.0),
+        (8.2, 2.9, 10.4, 2.9),
+    ]  # fmt: skip
+    furniture = [
+        _outline([(5.2, 1.0), (6.4, 1.0), (6.4, 1.7), (5.2, 1.7)]),
+        _outline([(0.6, 6.2), (1.5, 6.2), (1.5, 7.3), (0.6, 7.3)]),
+        _outline([(10.9, 0.5), (11.5, 0.5), (11.5, 1.9), (10.9, 1.9)]),
+    ]
+    return np.array(walls + [side for piece in furniture for side in piece])
+
+
+def hexagons() -> Array:
+    """A round beehive of 19 chambers with sides of 1 m, segments ``(S, 4)`` m: normals at 0°, 60°, 120°."""
+    corners = np.stack([np.sin(np.arange(6) * np.pi / 3), np.cos(np.arange(6) * np.pi / 3)], -1)
+    walls: dict[tuple[float, float], tuple[float, float, float, float]] = {}
+    for q in range(-2, 3):
+        for r in range(max(-2, -2 - q), min(2, 2 - q) + 1):
+            centre = np.array([np.sqrt(3.0) * (q + 0.5 * r), 1.5 * r])
+            for side in _outline([(x, y) for x, y in centre + corners]):
+                middle = (round(side[0] + side[2], 6), round(side[1] + side[3], 6))
+                walls[middle] = side  # neighbours share a wall
+    return np.array(list(walls.values()))
+
+
+def _outline(corners: list[tuple[float, float]]) -> list[tuple[float, float, float, float]]:
+    return [(*start, *end) for start, end in pairwise([*corners, corners[0]])]
+
+
+def points_on(segments: Array) -> Array:
+    """Points ``(n, 2)`` m on segments, closer than a pixel."""
+    parts = []
+    for segment in segments:
+        count = int(np.ceil(np.hypot(*(segment[2:] - segment[:2])) / (0.5 * PIXEL))) + 1
+        parts.append(segment[:2] + np.linspace(0.0, 1.0, count)[:, None] * (segment[2:] - segment[:2]))
+    return np.concatenate(parts)
+
+
+def rasterise_points(points: Array) -> Submap:
+    """Points ``(n, 2)`` m as a submap of pixels; what is not a wall is free."""
+    first = np.floor(points.min(axis=0) / PIXEL)
+    column, row = (np.floor(points / PIXEL) - first).astype(int).T
+    occupied = np.zeros((row.max() + 1, column.max() + 1), dtype=bool)
+    occupied[row, column] = True
+    grid = Grid(occupied, ~occupied, first * PIXEL, PIXEL)
+    centres = grid.occupied_points()
+    unknown = np.full_like(centres, np.nan)
+    n = len(centres)
+    covariance = np.tile(PIXEL**2 / 12.0 * np.eye(2), (n, 1, 1))
+    scan = Scan(centres, unknown, unknown, covariance, np.full(n, np.nan), np.arange(n))
+    return Submap(0, 1, np.zeros(3), scan, grid)
+
+
+def rotate(points: Array, yaw: float) -> Array:
+    """Points ``(n, 2)`` rotated by ``yaw`` rad about the origin."""
+    return points @ se2.rotation(yaw).T
+
+
+def map_and_cutout() -> tuple[Submap, Submap]:
+    """The map of rooms and a round piece of it in a frame of its own, which lies at `T_MAP_CUTOUT`."""
+    walls = points_on(rooms())
+    piece = se2.transform(se2.inverse(T_MAP_CUTOUT), walls)
+    return rasterise_points(walls), rasterise_points(piece[np.hypot(piece[:, 0], piece[:, 1]) <= CUTOUT])
+
+
+def example() -> Pair:
+    """The map of rooms and its cut-out (`map_and_cutout`), ready to be stitched."""
+    maps = pair(*map_and_cutout(), CONFIG)
+    assert not isinstance(maps, NoStitch)
+    return maps
+
+
+def transform(points: Array) -> hough.Hough:
+    """The thesis' Hough transform of points ``(n, 2)`` m, once drawn on a grid."""
+    walls = rasterise_points(points).grid.occupied_points()
+    return hough.transform(walls, DIRECTIONS, CONFIG.resolution, split=False)
+
+
+def distance_from_truth(hypothesis: Alternative) -> tuple[float, float]:
+    """How far a pose of the cut-out is from the true one: m, degrees."""
+    error = se2.between(T_MAP_CUTOUT, hypothesis.T_a_b)
+    return float(np.hypot(error[0], error[1])), float(np.degrees(abs(error[2])))
+
+
+def _lines() -> Figure:
     """Figure 3.1: two lines and their Hough transform."""
-    points = shapes.points_on(shapes.lines())
+    points = points_on(lines())
     figure, (left, right) = _panels(1, 2, 4.0)
     _map(left, points, "two lines")
     _transform(right, points, "their Hough transform: a line is a point, 0° is 180°")
     return figure
 
 
-def rooms() -> Figure:
-    """Figure 3.2: rooms, Hough transform and spectrum."""
-    return _with_spectrum(shapes.points_on(shapes.rooms()), "rooms: two directions, 90° apart")
-
-
-def hexagons() -> Figure:
-    """Figure 3.3: a beehive, Hough transform and spectrum."""
-    return _with_spectrum(shapes.points_on(shapes.hexagons()), "a beehive: three directions, 60° apart")
-
-
-def rotation() -> Figure:
+def _rotation() -> Figure:
     """Figure 3.4: lines, the same turned by 90°, and the cross-correlation of their spectra."""
-    points = shapes.points_on(shapes.lines())
-    spectrum, of_turned = (_spectrum(p) for p in (points, shapes.rotate(points, np.pi / 2)))
+    points = points_on(lines())
+    spectrum, of_turned = (_spectrum(p) for p in (points, rotate(points, np.pi / 2)))
     figure, axes = _panels(3, 1, 6.0)
     _curve(axes[0], spectrum, "Hough spectrum of the lines")
     _curve(axes[1], of_turned, "of the lines turned by 90°")
@@ -68,14 +164,14 @@ def rotation() -> Figure:
     return figure
 
 
-def profiles() -> Figure:
+def _profiles() -> Figure:
     """Figures 3.5 and 3.6: X and Y spectra of a map along its walls, and of the same map turned by 20°."""
-    points = shapes.rasterise_points(shapes.points_on(shapes.rooms())).grid.occupied_points()
+    points = rasterise_points(points_on(rooms())).grid.occupied_points()
     figure = _figure(5.0)
     parts = figure.subfigures(1, 2, squeeze=False).ravel()
     for part, (yaw, title) in zip(parts, ((0.0, "along its walls"), (20.0, "turned by 20°")), strict=True):
         axes = part.subplots(2, 2, width_ratios=[1, 3], height_ratios=[3, 1])
-        turned = shapes.rotate(points, np.radians(yaw))
+        turned = rotate(points, np.radians(yaw))
         _map(axes[0, 1], turned, title)
         (x, along_x), (y, along_y) = (_profile(turned[:, axis]) for axis in (0, 1))
         axes[0, 0].plot(along_y, y, color=BLUE, linewidth=0.9)
@@ -86,7 +182,7 @@ def profiles() -> Figure:
     return figure
 
 
-def cutout() -> Figure:
+def _cutout() -> Figure:
     """Figures 3.7 and 3.8: the map and the cut-out, their spectra and the cross-correlation."""
     maps = example()
     figure = _figure(7.0)
@@ -112,13 +208,13 @@ def cutout() -> Figure:
     return figure
 
 
-def translation() -> Figure:
+def _translation() -> Figure:
     """Figures 3.9 and 3.10: map and cut-out turned by the right hypothesis, X and Y spectra, correlations."""
     maps = example()
     right = min(four_hypotheses(maps), key=lambda hypothesis: distance_from_truth(hypothesis)[0])
     direction = dominant_direction(maps.spectra(DIRECTIONS, split=False)[0])
-    turned_a = shapes.rotate(maps.walls_a, -direction)
-    turned_b = shapes.rotate(maps.walls_b, float(right.T_a_b[2]) - direction)
+    turned_a = rotate(maps.walls_a, -direction)
+    turned_b = rotate(maps.walls_b, float(right.T_a_b[2]) - direction)
     figure = _figure(8.5)
     above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 1.4]).ravel()
     axes = above.subplots(1, 2)
@@ -139,7 +235,7 @@ def translation() -> Figure:
     return figure
 
 
-def hypotheses() -> Figure:
+def _hypotheses() -> Figure:
     """Figure 3.11: the four hypotheses; one is right."""
     maps = example()
     figure, axes = _panels(2, 2, 8.0)
@@ -152,31 +248,6 @@ def hypotheses() -> Figure:
         moved = se2.transform(hypothesis.T_a_b, maps.walls_b)
         ax.scatter(moved[:, 0], moved[:, 1], s=2.5, color=VERMILLION, linewidths=0)
     return figure
-
-
-PICTURES: dict[str, Callable[[], Figure]] = {
-    picture.__name__: picture
-    for picture in (lines, rooms, hexagons, rotation, profiles, cutout, translation, hypotheses)
-}
-
-
-def example() -> Pair:
-    """The map of rooms and its cut-out (`scenarios.report.shapes.map_and_cutout`), ready to be stitched."""
-    maps = pair(*shapes.map_and_cutout(), CONFIG)
-    assert not isinstance(maps, NoStitch)
-    return maps
-
-
-def transform(points: Array) -> hough.Hough:
-    """The thesis' Hough transform of points ``(n, 2)`` m, once drawn on a grid."""
-    walls = shapes.rasterise_points(points).grid.occupied_points()
-    return hough.transform(walls, DIRECTIONS, CONFIG.resolution, split=False)
-
-
-def distance_from_truth(hypothesis: Alternative) -> tuple[float, float]:
-    """How far a pose of the cut-out is from the true one: m, degrees."""
-    error = se2.between(shapes.T_MAP_CUTOUT, hypothesis.T_a_b)
-    return float(np.hypot(error[0], error[1])), float(np.degrees(abs(error[2])))
 
 
 def _with_spectrum(points: Array, title: str) -> Figure:
@@ -197,8 +268,6 @@ def _profile(coordinates: Array) -> tuple[Array, Array]:
 
 
 def _figure(height: float) -> Figure:
-    from matplotlib.figure import Figure
-
     return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
@@ -241,3 +310,16 @@ def _label(ax: Axes, title: str = "", x: str = "", y: str = "") -> None:
     ax.set_xlabel(x, fontsize=FONT["label"])
     ax.set_ylabel(y, fontsize=FONT["label"])
     ax.tick_params(labelsize=FONT["tick"])
+
+
+PICTURES: dict[str, Callable[[], Figure]] = {
+    "lines": _lines,
+    "rooms": lambda: _with_spectrum(points_on(rooms()), "rooms: two directions, 90° apart"),
+    "hexagons": lambda: _with_spectrum(points_on(hexagons()), "a beehive: three directions, 60° apart"),
+    "rotation": _rotation,
+    "profiles": _profiles,
+    "cutout": _cutout,
+    "translation": _translation,
+    "hypotheses": _hypotheses,
+}
+"""Name -> a figure of the chapter: 3.1, 3.2, 3.3, 3.4, 3.5 and 3.6, 3.7 and 3.8, 3.9 and 3.10, 3.11."""

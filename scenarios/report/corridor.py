@@ -7,11 +7,10 @@ only what the walls' normals tell (Bonnabel et al. 2016).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from scenarios.bench.matching.calibration import PLAIN, Trials, pairs_at, seeded, trials
 from scenarios.bench.matching.matchers import Variant
@@ -20,9 +19,6 @@ from scenarios.report.trajectory_figures import CHI2_2_95
 from slam.colours import BLACK, BLUE, SKY, VERMILLION
 from slam.matching.config import CovarianceMode
 from slam.se2 import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 PAIRS, SEED = 300, 0
 MODES: dict[CovarianceMode, tuple[str, str]] = {
@@ -33,24 +29,12 @@ MODES: dict[CovarianceMode, tuple[str, str]] = {
 """Colour and dash of each covariance mode's ellipse."""
 ACROSS = (-15.0, 27.0)
 """Lower and upper end [mm] of every panel, with room for words above the ellipses."""
-
-
-@dataclass(frozen=True)
-class View:
-    """A panel: a place, and half its width in a unit of so many metres."""
-
-    title: str
-    place: str
-    half: float
-    unit: str
-    metres: float
-
-
 VIEWS = (
-    View("room of 6 × 4 m", "room", 21.0, "mm", 1e-3),
-    View("corridor: all matches", "corridor", 150.0, "mm", 1e-3),
-    View("corridor: what p2l claims", "corridor", 3.0, "m", 1.0),
+    ("room of 6 × 4 m", "room", 21.0, "mm"),
+    ("corridor: all matches", "corridor", 150.0, "mm"),
+    ("corridor: what p2l claims", "corridor", 3.0, "m"),
 )
+"""Title of each panel, its place, and half its width with the unit of that."""
 
 
 def run(out: Path) -> Path:
@@ -58,8 +42,11 @@ def run(out: Path) -> Path:
     written."""
     by_place = {place: experiment(place) for place in ("room", "corridor")}
     figure, axes = grid(len(VIEWS), len(VIEWS), 3.1, 2.6, 0.5, 0.0)
-    for ax, view in zip(axes, VIEWS, strict=True):
-        draw(ax, view, by_place[view.place])
+    for ax, (title, place, half, unit) in zip(axes, VIEWS, strict=True):
+        draw(ax, by_place[place], 1.0 if unit == "m" else 1e-3)
+        ax.set(xlim=(-half, half), ylim=ACROSS)
+        ax.set_title(title, fontsize=FONT["title"])
+        ax.set_xlabel(f"error along, x [{unit}]", fontsize=FONT["label"])
     axes[0].set_ylabel("error across, y [mm]", fontsize=FONT["label"])
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=4, fontsize=FONT["label"], frameon=False)
@@ -75,20 +62,17 @@ def experiment(place: str) -> dict[CovarianceMode, Trials]:
     return {mode: trials(Variant("wsm", "wsm", mode, PLAIN), pairs, guesses) for mode in MODES}
 
 
-def draw(ax: Axes, view: View, by_mode: dict[CovarianceMode, Trials]) -> None:
-    """The cloud of errors, the modes' ellipses of 95 %, and the share of the errors that each holds."""
+def draw(ax: Axes, by_mode: dict[CovarianceMode, Trials], metres: float) -> None:
+    """The cloud of errors (x in units of so many ``metres``), the modes' ellipses of 95 %, and the share of
+    the errors that each holds."""
     errors = by_mode["joint"].errors
-    ax.plot(errors[:, 0] / view.metres, 1e3 * errors[:, 1], ".", color=SKY, ms=4, label=f"{PAIRS} matches")
+    ax.plot(errors[:, 0] / metres, 1e3 * errors[:, 1], ".", color=SKY, ms=4, label=f"{PAIRS} matches")
     for k, (mode, (colour, dash)) in enumerate(MODES.items()):
         x, y = ellipse(np.mean(by_mode[mode].covariances, axis=0)[:2, :2])
-        ax.plot(x / view.metres, 1e3 * y, dash, color=colour, lw=1.8, label=f"{mode}, 95 %")
+        ax.plot(x / metres, 1e3 * y, dash, color=colour, lw=1.8, label=f"{mode}, 95 %")
         share = f"{mode} holds {100.0 * coverage(by_mode[mode]):.0f} %"
         ax.text(0.03, 0.97 - 0.07 * k, share, color=colour, transform=ax.transAxes, va="top",
                 fontsize=FONT["label"])  # fmt: skip
-    ax.set_xlim(-view.half, view.half)
-    ax.set_ylim(*ACROSS)
-    ax.set_title(view.title, fontsize=FONT["title"])
-    ax.set_xlabel(f"error along, x [{view.unit}]", fontsize=FONT["label"])
 
 
 def ellipse(covariance: Array) -> Array:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import re
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import jinja2
+import jinja2
 
 HERE = Path(__file__).parent
 VENDOR, TEMPLATES = HERE / "vendor", HERE / "templates"
@@ -19,44 +17,39 @@ MODULES = (
 """Our scripts in the order they are read; what one defines, those after it use."""
 
 
-def environment(templates: Path = TEMPLATES) -> jinja2.Environment:
-    """Templates of a folder, in which everything is escaped that is not marked as safe."""
-    import jinja2
-
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(templates),
+def template(name: str) -> jinja2.Template:
+    """A template, in which everything is escaped that is not marked as safe."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    return environment.get_template(name)
 
 
 @cache
 def style() -> str:
     """All style sheets in one, without the images that Leaflet's would fetch."""
     sheets = [VENDOR / "leaflet.css", VENDOR / "uplot.css", TEMPLATES / "page.css"]
-    return re.sub(r"url\([^)]*\)", "none", "\n".join(map(_read, sheets)))
-
-
-def own_style() -> str:
-    """Our style sheet alone."""
-    return _read(TEMPLATES / "page.css")
-
-
-def theme_script() -> str:
-    """What a page without a live map needs: the switch between light and dark."""
-    own = _read(TEMPLATES / "js" / "theme.js")
-    return f'(() => {{\n"use strict";\n{own}\nthemeSwitch(document.getElementById("theme"));\n}})();'
+    return re.sub(r"url\([^)]*\)", "none", "\n".join(map(read, sheets)))
 
 
 @cache
 def script() -> str:
     """All scripts in one."""
-    libraries = [_read(VENDOR / f"{name}.js").partition("//# source")[0] for name in ("leaflet", "uplot")]
-    own = "\n".join(_read(TEMPLATES / "js" / f"{name}.js") for name in MODULES)
+    libraries = [read(VENDOR / f"{name}.js").partition("//# source")[0] for name in ("leaflet", "uplot")]
+    own = "\n".join(read(TEMPLATES / "js" / f"{name}.js") for name in MODULES)
     return "\n".join([*libraries, f'(() => {{\n"use strict";\n{own}}})();'])
 
 
-def _read(path: Path) -> str:
+def theme_script() -> str:
+    """What a page without a live map needs: the switch between light and dark."""
+    own = read(TEMPLATES / "js" / "theme.js")
+    return f'(() => {{\n"use strict";\n{own}\nthemeSwitch(document.getElementById("theme"));\n}})();'
+
+
+def read(path: Path) -> str:
+    """The text of a file."""
     return path.read_text(encoding="utf-8")

@@ -4,30 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from markupsafe import Markup
 
 from scenarios.evaluation.metric import Metric
 from scenarios.methods import BASELINE, OURS
-from scenarios.report.figures import RenderedFigure, run_specs, write_figures
-from scenarios.report.html import environment, script, style
-from scenarios.report.live.content import live_content, script_safe
-from scenarios.report.live.encode import data_address
-from scenarios.report.metrics_table import tabulate
-from scenarios.report.verdict import best_method, headline, scores, verdict
-from scenarios.run_folder.run import Run
+from scenarios.report.figures import FigureSpec, run_specs, write_figures
+from scenarios.report.html import script, style, template
+from scenarios.report.live import data_address, live_content, script_safe
+from scenarios.report.summary import headline, scores, tabulate, verdict
+from scenarios.run_folder.write import Run
+from scenarios.stages import Cost
+from sim.record import SimulatedRun
 from slam.recording import Recording
 from stitch.mapping.estimate import Estimate
-
-if TYPE_CHECKING:
-    from scenarios.stages import Cost
-    from sim.record import SimulatedRun
 
 
 def write_report(folder: Path, run: Run, stages: Mapping[str, Cost]) -> None:
     """Write the ``figures`` of a run and its report.html into ``folder``, with what the ``stages`` so far
     cost."""
-    specs = run_specs(run.recording, run.estimates, run.metrics, run.simulated)
-    figures = [spec.render() for spec in specs]
+    figures = run_specs(run.recording, run.estimates, run.metrics, run.simulated)
     write_figures(folder / "figures", figures)
     page = render(run.recording, run.estimates, run.metrics, facts(run), figures, run.simulated, stages)
     (folder / "report.html").write_text(page, encoding="utf-8")
@@ -51,31 +48,28 @@ def render(
     estimates: Sequence[Estimate],
     metrics: Sequence[Metric],
     facts: Mapping[str, object],
-    figures: Sequence[RenderedFigure] = (),
+    figures: Sequence[FigureSpec] = (),
     simulated: SimulatedRun | None = None,
     stages: Mapping[str, Cost] | None = None,
 ) -> str:
-    """The page of a run.
-
-    ``facts`` are printed key by key (seed, versions, …); its ``command`` is the command line that made the
-    run. ``simulated`` is what only a simulator knows, ``stages`` what each stage cost. Everything that comes
-    from outside is escaped.
-    """
-    from markupsafe import Markup
-
-    judged, table = headline(metrics), tabulate(metrics)
-    live = None
+    """The page of a run. ``facts`` are printed key by key (seed, versions, …); its ``command`` is the command
+    line that made the run. ``simulated`` is what only a simulator knows, ``stages`` what each stage cost.
+    Everything that comes from outside is escaped."""
+    judged, table, live = headline(metrics), tabulate(metrics), None
     if estimates:
-        first = _shown_first(estimates, metrics)
+        methods = [estimate.method for estimate in estimates]
+        first = judged.best if judged else None
+        if first in (None, BASELINE):  # dead reckoning has nothing to show
+            first = OURS if OURS in methods else methods[-1]
         live = Markup(script_safe(live_content(recording, estimates, first, simulated)))
-    return environment().get_template("report.html.j2").render(
+    return template("report.html.j2").render(
         recording=recording,
         verdict=verdict(metrics, estimates),
-        scores=scores(metrics, table.methods),
-        judged=judged and judged[1][0].upper() + judged[1][1:],
+        scores=scores(judged, table.methods),
+        judged=judged and judged.words[0].upper() + judged.words[1:],
         table=table,
         baseline=BASELINE,
-        figures=[(figure, data_address(figure.png)) for figure in figures],
+        figures=[(figure, data_address(figure.files["png"])) for figure in figures],
         command=facts.get("command"),
         facts={key: value for key, value in facts.items() if key != "command"},
         stages=stages,
@@ -83,13 +77,3 @@ def render(
         style=Markup(style()),
         script=Markup(script()),
     )  # fmt: skip
-
-
-def _shown_first(estimates: Sequence[Estimate], metrics: Sequence[Metric]) -> str | None:
-    """The method to open with: the best; where that is dead reckoning, which has nothing to show, or none is
-    scored, ours, else the last."""
-    best = best_method(metrics)
-    if best not in (None, BASELINE):
-        return best
-    methods = [estimate.method for estimate in estimates]
-    return OURS if OURS in methods else methods[-1] if methods else None

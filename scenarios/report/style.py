@@ -5,11 +5,15 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.transforms import ScaledTranslation
+
+from slam.se2 import Array
 
 WIDTH = 11.0
 """Width of a figure [inch]."""
@@ -48,8 +52,6 @@ def set_title(ax: Axes, text: str, loc: Literal["left", "center"] = "center") ->
 def fix_axes(ax: Axes) -> None:
     """About `TICKS` round numbers on either axis, as nine do not fit a small panel; labels of the axes at a
     fixed distance, which halves the time that matplotlib takes."""
-    from matplotlib.transforms import ScaledTranslation
-
     ax.locator_params(nbins=TICKS)
     ax.tick_params(labelsize=FONT["tick"])
     assert ax.figure is not None
@@ -63,8 +65,6 @@ def grid(
 ) -> tuple[Figure, list[Axes]]:
     """A figure of ``count`` panels of ``width`` x ``height``, ``across`` and ``down`` apart [inch], with
     room for more ``beside`` them, on the right."""
-    from matplotlib.figure import Figure
-
     rows = math.ceil(count / columns)
     total = columns * width + (columns - 1) * across + LEFT + RIGHT + beside
     tall = rows * height + (rows - 1) * down + BOTTOM + TOP
@@ -79,10 +79,14 @@ def grid(
     return figure, axes
 
 
+def box(points: Array) -> tuple[Array, Array]:
+    """Centre and size ``(2,)`` m of the box around points ``(n, 2)``, zero around none."""
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+    return (low + high) / 2.0, high - low
+
+
 def add_legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
     """What each colour means, under the figure: entries (words, colour)."""
-    from matplotlib.lines import Line2D
-
     handles = [
         Line2D([], [], color=colour, marker="s", linestyle="none", markersize=7, label=label)
         for label, colour in entries

@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 from scipy.stats import chi2
 
 from scenarios.evaluation.maps import RESOLUTION, cells_found, map_at, occupied_cells, true_map
+from scenarios.evaluation.segmentation import segment_gaps
 from scenarios.evaluation.trajectory import aligned
-from scenarios.report.style import FONT, LEFT, RIGHT, TICKS, WIDTH, add_legend, grid, panels, set_title
+from scenarios.report.style import FONT, LEFT, RIGHT, TICKS, WIDTH, add_legend, box, grid, panels, set_title
 from slam import se2
 from slam.colours import BLACK, BLUE, GREY, ORANGE, SKY, VERMILLION
-from slam.mapping.submap import Submap
 from slam.odometry.track import Verdict
 from slam.recording import Recording
 from slam.se2 import Array
 from stitch.mapping.estimate import Estimate
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-View = tuple[float, float, float, float]
-"""``x_min, x_max, y_min, y_max`` m."""
 MARGIN = 1.0
 """Free space around a drawing [m]."""
 CHI2_2_95 = float(chi2.ppf(0.95, 2))
@@ -34,6 +31,8 @@ ELLIPSE_SCALE = 10
 """How much larger than true the ellipses are drawn: centimetres would not show."""
 ELLIPSE_SPACING = 0.5
 """Path between two ellipses [m]."""
+CENTRED: dict[str, Any] = {"fontsize": FONT["label"], "ha": "center"}
+BAND: dict[str, Any] = {"facecolors": SKY, "edgecolors": SKY, "alpha": 0.5, "linewidths": 1.5}
 CONFIDENCE = (
     ("trace2", "trace [m²]", "log"),
     ("det2", "determinant [m⁴]", "log"),
@@ -42,20 +41,15 @@ CONFIDENCE = (
 
 
 def draw_maps(recording: Recording, estimates: Sequence[Estimate], titles: Mapping[str, str]) -> Figure:
-    """The maps of all methods side by side; ``titles`` by method.
-
-    With truth every map is aligned to it and its walls are told apart: found, wrong, missed.
-    """
+    """The maps of all methods side by side; ``titles`` by method. With truth every map is aligned to it and
+    its walls are told apart: found, wrong, missed."""
     truth = true_map(recording)
     true_cells = None if truth is None else occupied_cells(truth)
     maps = [_wall_cells(recording, estimate) for estimate in estimates]
-    views, aspect = common_views([_centres(cells if truth is None else true_cells) for cells in maps])
-    figure, axes = panels(len(estimates), aspect)
-    for ax, estimate, cells, view in zip(axes, estimates, maps, views, strict=True):
-        ax.axis(view)
-        _draw_walls(ax, cells, true_cells, _marker_size(ax, view))
-        set_title(ax, titles[estimate.method])
-        _note_walls_outside(ax, cells, view)
+    shown = [_centres(cells if truth is None else true_cells) for cells in maps]
+    figure, axes = _panels(shown, [titles[estimate.method] for estimate in estimates])
+    for ax, cells in zip(axes, maps, strict=True):
+        _draw_walls(ax, cells, true_cells)
     if true_cells is not None:
         add_legend(
             figure, [("wall found", BLACK), ("drawn where there is none", BLUE), ("true wall missed", ORANGE)]
@@ -68,15 +62,14 @@ def draw_trajectories(
 ) -> Figure:
     """The path of every method, over the true one where there is truth; ``titles`` by method."""
     truth = recording.truth
-    paths, views, aspect = _paths(recording, estimates)
-    figure, axes = panels(len(estimates), aspect)
-    for ax, estimate, path, view in zip(axes, estimates, paths, views, strict=True):
-        ax.axis(view)
+    paths = [aligned(estimate.poses, truth) for estimate in estimates]
+    shown = [path if truth is None else truth for path in paths]
+    figure, axes = _panels(shown, [titles[estimate.method] for estimate in estimates])
+    for ax, path in zip(axes, paths, strict=True):
         if truth is not None:
             ax.plot(truth[:, 0], truth[:, 1], color=ORANGE, linewidth=3.0, solid_capstyle="round")
         ax.plot(path[:, 0], path[:, 1], color=BLACK, linewidth=0.9)
         ax.plot(*path[0, :2], marker="o", color=BLUE, markersize=6, linestyle="none")
-        set_title(ax, titles[estimate.method])
     entries = [("estimate", BLACK), ("its start", BLUE)]
     add_legend(figure, entries if truth is None else [("truth", ORANGE), *entries])
     return figure
@@ -87,13 +80,15 @@ def draw_uncertainty(
 ) -> Figure:
     """The path of every method that has covariances, with ellipses of 95 %; red where nothing was matched
     (thesis, figure A.1)."""
-    from matplotlib.collections import PolyCollection
-
-    with_covariance = [(e, stated) for e in estimates if (stated := covariance_of(e)) is not None]
-    paths, views, aspect = _paths(recording, [estimate for estimate, _ in with_covariance])
-    figure, axes = panels(len(paths), aspect)
-    for ax, (estimate, (covariance, of)), path, view in zip(axes, with_covariance, paths, views, strict=True):
-        ax.axis(view)
+    truth = recording.truth
+    drawn = [
+        (estimate, aligned(estimate.poses, truth), *stated)
+        for estimate in estimates
+        if (stated := covariance_of(estimate)) is not None
+    ]
+    shown = [path if truth is None else truth for _, path, _, _ in drawn]
+    figure, axes = _panels(shown, [f"{titles[e.method]}; covariance of each {of}" for e, _, _, of in drawn])
+    for ax, (estimate, path, covariance, _) in zip(axes, drawn, strict=True):
         rows = _spaced(path, np.isfinite(covariance[:, 0, 0]))
         outlines = ellipses(path[rows], to_map_axes(path[rows], covariance[rows]), ELLIPSE_SCALE)
         ax.add_collection(
@@ -104,30 +99,29 @@ def draw_uncertainty(
             tried = estimate.track.verdict != Verdict.SKIPPED
             lost = path[tried & (estimate.track.matches == 0)][1:]
             ax.plot(lost[:, 0], lost[:, 1], linestyle="none", marker="o", markersize=3, color=VERMILLION)
-        set_title(ax, f"{titles[estimate.method]}; covariance of each {of}")
     scaled = f"95 %, {ELLIPSE_SCALE} times as large"
     add_legend(figure, [("path", BLACK), (scaled, SKY), ("no match", VERMILLION)])
     return figure
 
 
 def draw_confidence(estimate: Estimate) -> Figure:
-    """The confidence of every match of an estimate's track over the drive.
-
-    Steps without a single match are red dots on the x axis, cuts vertical bands: scans that belong to no
-    segment (thesis, figure 5.3). Raises ``ValueError`` when the estimate has no track.
-    """
+    """The confidence of every match of an estimate's track over the drive. Steps without a single match are
+    red dots on the x axis, cuts vertical bands: scans that belong to no segment (thesis, figure 5.3). Raises
+    ``ValueError`` when the estimate has no track."""
     if estimate.track is None:
         raise ValueError(f"{estimate.method} has no track to draw the confidence of")
     track = estimate.track
     tried = ~np.isnan(track.confidence["trace2"])
     lost = np.flatnonzero(tried & (track.matches == 0))
     gaps = segment_gaps(estimate.submaps)
+    corners = [[(a - 0.5, 0.0), (a - 0.5, 1.0), (b + 0.5, 1.0), (b + 0.5, 0.0)] for a, b in gaps]
     figure, axes = grid(len(CONFIDENCE), 1, WIDTH - LEFT - RIGHT, 1.75, 0.0, 0.15)
     for ax, (name, label, scale) in zip(axes, CONFIDENCE, strict=True):
         values = track.matches.astype(float) if name == "matches" else track.confidence[name]
         _confidence_panel(ax, np.flatnonzero(tried), values[tried], lost, scale)
         ax.set_ylabel(label, fontsize=FONT["label"])
-        _shade(ax, gaps)
+        bands = PolyCollection(corners, transform=ax.get_xaxis_transform(), zorder=0, **BAND)
+        ax.add_collection(bands, autolim=False)
         ax.set_xlim(-0.5, len(track) - 0.5)
         ax.tick_params(labelbottom=ax is axes[-1])
     axes[-1].set_xlabel("scan", fontsize=FONT["label"])
@@ -135,14 +129,6 @@ def draw_confidence(estimate: Estimate) -> Figure:
     set_title(axes[0], f"{estimate.method}: {counts}")
     add_legend(figure, [("matched step", BLACK), ("step without a match", VERMILLION), ("cut", SKY)])
     return figure
-
-
-def segment_gaps(submaps: Sequence[Submap]) -> list[tuple[int, int]]:
-    """First and last scan of every stretch between two submaps that belongs to none.
-
-    Where two submaps touch, the drive was divided but not cut.
-    """
-    return [(a.stop, b.start - 1) for a, b in pairwise(submaps) if a.stop < b.start]
 
 
 def covariance_of(estimate: Estimate) -> tuple[Array, str] | None:
@@ -172,44 +158,30 @@ def ellipses(poses: Array, covariance: Array, scale: float = 1.0) -> Array:
     return poses[:, None, :2] + scale * np.swapaxes(axes @ circle, -1, -2)
 
 
-def common_views(drawings: Sequence[Array]) -> tuple[list[View], float]:
-    """What to show of each set of points ``(n, >= 2)`` m, of one height over width, and that ratio."""
-    boxes = [_box(points[:, :2]) for points in drawings]
-    aspect = float(np.clip(np.median([size[1] / size[0] for _, size in boxes]), 0.3, 2.5))
-    views = []
-    for (x, y), size in boxes:
-        half = max(size[0], size[1] / aspect) / 2.0
-        views.append((float(x - half), float(x + half), float(y - half * aspect), float(y + half * aspect)))
-    return views, aspect
-
-
-def _box(points: Array) -> tuple[Array, Array]:
-    """Centre and size ``(2,)`` m of the box around points, with a margin."""
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
-    return (low + high) / 2.0, high - low + 2.0 * MARGIN
-
-
-def _paths(recording: Recording, estimates: Sequence[Estimate]) -> tuple[list[Array], list[View], float]:
-    """The poses of every method, aligned to truth where there is truth, with what to show of each."""
-    truth = recording.truth
-    paths = [estimate.poses if truth is None else aligned(estimate.poses, truth) for estimate in estimates]
-    return paths, *common_views([path if truth is None else truth for path in paths])
+def _panels(drawings: Sequence[Array], titles: Sequence[str]) -> tuple[Figure, list[Axes]]:
+    """A panel for each set of points ``(n, >= 2)`` m, all of one height over width, which shows all of it."""
+    boxes = [box(points[:, :2]) for points in drawings]
+    sizes = [size + 2.0 * MARGIN for _, size in boxes]
+    aspect = float(np.clip(np.median([height / width for width, height in sizes]), 0.3, 2.5))
+    figure, axes = panels(len(boxes), aspect)
+    for ax, ((x, y), _), (width, height), title in zip(axes, boxes, sizes, titles, strict=True):
+        half = max(width, height / aspect) / 2.0
+        ax.axis((float(x - half), float(x + half), float(y - half * aspect), float(y + half * aspect)))
+        set_title(ax, title)
+    return figure, axes
 
 
 def _spaced(path: Array, known: np.ndarray) -> np.ndarray:
     """Rows ``(n,)`` about `ELLIPSE_SPACING` of path apart, of those ``known (N,)``."""
     rows = np.flatnonzero(known)
-    if len(rows) == 0:
-        return rows
     bins = np.floor(se2.path_length(path)[rows] / ELLIPSE_SPACING)
-    return rows[np.append(True, np.diff(bins) > 0.0)]
+    return rows[np.append(True, np.diff(bins) > 0.0)] if len(rows) else rows
 
 
 def _wall_cells(recording: Recording, estimate: Estimate) -> np.ndarray | None:
     """Occupied cells ``(n, 2)`` of a method's map, None where it is too large to draw."""
-    truth, poses = recording.truth, estimate.poses
     try:
-        return occupied_cells(map_at(recording, poses if truth is None else aligned(poses, truth)))
+        return occupied_cells(map_at(recording, aligned(estimate.poses, recording.truth)))
     except ValueError:
         return None
 
@@ -218,42 +190,30 @@ def _centres(cells: np.ndarray | None) -> Array:
     return np.zeros((0, 2)) if cells is None else (cells + 0.5) * RESOLUTION
 
 
-def _marker_size(ax: Axes, view: View) -> float:
-    """Side of a cell on paper [pt], and at least what can be seen."""
-    points = 72.0 * ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
-    return max(1.4 * points * RESOLUTION / (view[1] - view[0]), 0.8)
-
-
-def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None, size: float) -> None:
+def _draw_walls(ax: Axes, cells: np.ndarray | None, truth: np.ndarray | None) -> None:
+    """Walls as squares of a cell's side on paper, at least of what can be seen."""
     if cells is None:
-        _note(ax, 0.5, 0.5, "map too large to draw", FONT["label"], ha="center")
+        ax.text(0.5, 0.5, "map too large to draw", transform=ax.transAxes, **CENTRED)
         return
     layers = [(cells, BLACK)]
     if truth is not None:
         found = cells_found(cells, truth)
         layers = [(truth[~cells_found(truth, cells)], ORANGE), (cells[~found], BLUE), (cells[found], BLACK)]
+    left, right, low, high = ax.axis()
+    points = 72.0 * ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi
+    size = max(1.4 * points * RESOLUTION / (right - left), 0.8)
     style: dict[str, Any] = {"linestyle": "none", "marker": "s", "markersize": size, "markeredgewidth": 0}
     for walls, colour in layers:
         x, y = _centres(walls).T
         ax.plot(x, y, color=colour, rasterized=True, **style)
-
-
-def _note_walls_outside(ax: Axes, cells: np.ndarray | None, view: View) -> None:
-    if cells is None or len(cells) == 0:
-        return
     x, y = _centres(cells).T
-    outside = np.mean((x < view[0]) | (x > view[1]) | (y < view[2]) | (y > view[3]))
+    outside = np.mean((x < left) | (x > right) | (y < low) | (y > high)) if len(cells) else 0.0
     if outside >= 0.005:
-        _note(ax, 0.02, 0.02, f"{outside:.0%} of the walls lie outside", FONT["tick"])
-
-
-def _note(ax: Axes, x: float, y: float, text: str, size: int, **style: Any) -> None:
-    ax.text(x, y, text, transform=ax.transAxes, fontsize=size, **style)
+        note = f"{outside:.0%} of the walls lie outside"
+        ax.text(0.02, 0.02, note, transform=ax.transAxes, fontsize=FONT["tick"])
 
 
 def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarray, scale: str) -> None:
-    from matplotlib.ticker import LogLocator, NullLocator
-
     drawable = np.isfinite(values) & ((values > 0.0) if scale == "log" else True)
     ax.set_yscale(scale)
     if scale == "log":
@@ -264,21 +224,10 @@ def _confidence_panel(ax: Axes, scans: np.ndarray, values: Array, lost: np.ndarr
     shown = np.where(drawable, values, np.nan)
     ax.plot(scans, shown, color=BLACK, linewidth=0.5, marker=".", markersize=2.5, markevery=alone)
     if not np.any(drawable):
-        _note(ax, 0.5, 0.5, "no step was matched", FONT["label"], ha="center")
+        ax.text(0.5, 0.5, "no step was matched", transform=ax.transAxes, **CENTRED)
     elif scale == "linear":
         ax.set_ylim(bottom=0.0)
     dots: dict[str, Any] = {"color": VERMILLION, "marker": "o", "markersize": 5, "linestyle": "none"}
     on_axis = ax.get_xaxis_transform()
     ax.plot(lost, np.zeros(len(lost)), transform=on_axis, clip_on=False, zorder=5, **dots)
     ax.grid(axis="y", color=GREY, linewidth=0.4, alpha=0.6)
-
-
-def _shade(ax: Axes, gaps: Sequence[tuple[int, int]]) -> None:
-    """Bands over stretches of scans, first and last."""
-    from matplotlib.collections import PolyCollection
-
-    bands = [
-        [(first - 0.5, 0.0), (first - 0.5, 1.0), (last + 0.5, 1.0), (last + 0.5, 0.0)] for first, last in gaps
-    ]
-    style: dict[str, Any] = {"facecolors": SKY, "edgecolors": SKY, "alpha": 0.5, "linewidths": 1.5}
-    ax.add_collection(PolyCollection(bands, transform=ax.get_xaxis_transform(), zorder=0, **style), False)

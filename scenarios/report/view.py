@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from scenarios.evaluation.segmentation import false_stitches
 from scenarios.evaluation.trajectory import aligned
-from scenarios.report.alignment_evidence import state_of
-from scenarios.report.figures import false_stitches
-from scenarios.report.live.scan_fit import has_return
+from scenarios.report.live import has_return
 from scenarios.report.method_attributes import colour_indices, merges_in_sequence
+from scenarios.report.stitches import state_of
 from scenarios.run_folder.read import read_run
 from slam import se2
 from slam.cli import InputError
@@ -21,8 +21,8 @@ from slam.recording import Recording
 from slam.se2 import Array
 from stitch.mapping.estimate import Estimate
 
-if TYPE_CHECKING:
-    import rerun
+if find_spec("rerun") is not None:
+    import rerun as rr
 
 MISSING = "Rerun is not installed: pip install -e '.[view]' (or pip install rerun-sdk) brings it"
 PALETTE = ("0072b2", "c98a00", "d55e00", "b5528d", "2f9fd8", "009e73", "7a6ff0", "6d7a00")
@@ -44,9 +44,6 @@ def run(folders: Sequence[Path], out: Path | None) -> str:
     if len(folders) != 1:
         raise InputError(f"view: expected one run, got {len(folders)}")
     recording, estimates, _ = read_run(folders[0])
-
-    import rerun as rr
-
     stream = rr.RecordingStream("slamstitch", recording_id=f"{folders[0].resolve().name}")
     if out is None:
         stream.spawn()
@@ -58,51 +55,35 @@ def run(folders: Sequence[Path], out: Path | None) -> str:
     return str(folders[0] if out is None else out)
 
 
-def log(stream: rerun.RecordingStream, recording: Recording, estimates: Sequence[Estimate]) -> None:
+def log(stream: rr.RecordingStream, recording: Recording, estimates: Sequence[Estimate]) -> None:
     """Everything about a run, over the timelines ``scan`` and ``time``."""
-    import rerun as rr
-
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     if recording.truth is not None:
         stream.log("truth/path", rr.LineStrips3D([_flat(recording.truth[:, :2])]), static=True)
-    truth, indices = recording.truth, colour_indices([estimate.method for estimate in estimates])
+    indices = colour_indices([estimate.method for estimate in estimates])
     for estimate, index in zip(estimates, indices, strict=True):
-        colour = _rgb(PALETTE[index])
-        poses = estimate.poses if truth is None else aligned(estimate.poses, truth)
-        entity = rr.escape_entity_path_part(estimate.method)
+        entity, colour = rr.escape_entity_path_part(estimate.method), _rgb(PALETTE[index])
+        poses = aligned(estimate.poses, recording.truth)
         path = rr.LineStrips3D([_flat(poses[:, :2])], colors=colour)
         stream.log(f"{entity}/path", path, static=True)
-        _log_robot(stream, entity, recording, poses, colour)
-        _log_confidence(stream, entity, recording, estimate)
-        _log_submaps(stream, entity, recording, estimate, poses)
-        _log_stitches(stream, entity, recording, estimate, poses)
+        _log_scans(stream, entity, recording, estimate, poses, colour)
+        _log_pieces(stream, entity, recording, estimate, poses)
 
 
-def _times(recording: Recording) -> list[Any]:
-    import rerun as rr
-
-    since_start = recording.time - recording.time[0]
-    return [
+def _log_scans(
+    stream: rr.RecordingStream, entity: str, recording: Recording, estimate: Estimate, poses: Array,
+    colour: tuple[int, ...],
+) -> None:  # fmt: skip
+    """The robot at every scan, in its frame what it saw, and every measure of the front end, which is
+    infinite where a match failed."""
+    times: list[Any] = [
         rr.TimeColumn("scan", sequence=np.arange(len(recording))),
-        rr.TimeColumn("time", duration=since_start),
+        rr.TimeColumn("time", duration=recording.time - recording.time[0]),
     ]
-
-
-def _at(stream: rerun.RecordingStream, recording: Recording, scan: int) -> None:
-    stream.set_time("scan", sequence=scan)
-    stream.set_time("time", duration=float(recording.time[scan] - recording.time[0]))
-
-
-def _log_robot(
-    stream: rerun.RecordingStream, entity: str, recording: Recording, poses: Array, colour: tuple[int, ...]
-) -> None:
-    """The robot at every scan, and in its frame what it saw."""
-    import rerun as rr
-
     half = poses[:, 2] / 2.0
     turns = np.stack([np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)], -1)
     places = rr.Transform3D.columns(translation=_flat(poses[:, :2]), quaternion=turns)
-    stream.send_columns(f"{entity}/robot", _times(recording), places)
+    stream.send_columns(f"{entity}/robot", times, places)
     body = rr.Boxes3D(half_sizes=[0.27, 0.2, 0.1], colors=colour)
     stream.log(f"{entity}/robot/body", body, static=True)
     seen = has_return(recording)
@@ -110,41 +91,23 @@ def _log_robot(
     ends = np.stack([r * np.cos(recording.angles), r * np.sin(recording.angles)], -1)
     points = se2.transform(recording.laser.T_robot_laser, ends)[seen]
     clouds = rr.Points3D.columns(positions=_flat(points)).partition(seen.sum(axis=1))
-    stream.send_columns(f"{entity}/robot/scan", _times(recording), clouds)
+    stream.send_columns(f"{entity}/robot/scan", times, clouds)
+    if estimate.track is not None:
+        for name, column in {"matches": estimate.track.matches, **estimate.track.confidence}.items():
+            values = rr.Scalars.columns(scalars=np.asarray(column, dtype=np.float64))
+            stream.send_columns(f"{entity}/confidence/{name}", times, values)
 
 
-def _log_confidence(
-    stream: rerun.RecordingStream, entity: str, recording: Recording, estimate: Estimate
+def _log_pieces(
+    stream: rr.RecordingStream, entity: str, recording: Recording, estimate: Estimate, poses: Array
 ) -> None:
-    """Every measure of the front end over time; infinite where a match failed."""
-    import rerun as rr
-
-    if estimate.track is None:
-        return
-    for name, column in {"matches": estimate.track.matches, **estimate.track.confidence}.items():
-        values = rr.Scalars.columns(scalars=np.asarray(column, dtype=np.float64))
-        stream.send_columns(f"{entity}/confidence/{name}", _times(recording), values)
-
-
-def _log_submaps(
-    stream: rerun.RecordingStream, entity: str, recording: Recording, estimate: Estimate, poses: Array
-) -> None:
-    """Each submap where the map has it in the end, from its last scan on."""
-    import rerun as rr
-
+    """Each submap where the map has it in the end, from its last scan on; each stitch from the last scan of
+    the later submap on, coloured by what became of it."""
     for k, submap in enumerate(estimate.submaps):
         _at(stream, recording, submap.stop - 1)
         points = se2.transform(poses[submap.start], submap.grid.occupied_points())
         cloud = rr.Points3D(_flat(points), colors=_rgb(PALETTE[k % len(PALETTE)]), radii=0.03)
         stream.log(f"{entity}/submaps/{k}", cloud)
-
-
-def _log_stitches(
-    stream: rerun.RecordingStream, entity: str, recording: Recording, estimate: Estimate, poses: Array
-) -> None:
-    """Each stitch from the last scan of the later submap on, coloured by what became of it."""
-    import rerun as rr
-
     false = false_stitches(estimate, recording.truth)
     for k, stitch in enumerate(estimate.stitches):
         a = stitch.b - 1 if merges_in_sequence(estimate.method) else stitch.a
@@ -153,6 +116,11 @@ def _log_stitches(
         _at(stream, recording, estimate.submaps[stitch.b].stop - 1)
         line = rr.LineStrips3D([_flat(ends)], colors=_rgb(STATES[state]), labels=state, show_labels=False)
         stream.log(f"{entity}/stitches/{state}/{stitch.a}-{stitch.b}", line)
+
+
+def _at(stream: rr.RecordingStream, recording: Recording, scan: int) -> None:
+    stream.set_time("scan", sequence=scan)
+    stream.set_time("time", duration=float(recording.time[scan] - recording.time[0]))
 
 
 def _flat(points: Array) -> Array:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from scenarios.report.style import FONT, LEFT, RIGHT, WIDTH, grid, set_title
+from sim.record import SimulatedRun
+from sim.terrain_kernels import height_at, heights_at
 from slam import se2
 from slam.colours import BLACK, BLUE, GREY, ORANGE, VERMILLION
 from slam.odometry.track import Verdict
 from slam.se2 import Array
 from stitch.mapping.estimate import Estimate
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.collections import LineCollection
-    from matplotlib.figure import Figure
-
-    from sim.record import SimulatedRun
 
 SECTOR = np.deg2rad(8.0)
 """Half the sector of beams drawn from the side: beams further off the heading would mislead."""
@@ -37,10 +37,8 @@ MAX_TILT = 12.0
 
 
 def draw_from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
-    """Walls, furniture, terrain, smoke and movers, and the driven path coloured by its true tilt.
-
-    Where the matcher of ``estimate`` (the Weighted Scan Matcher's, say) had no match the path is marked.
-    """
+    """Walls, furniture, terrain, smoke and movers, and the driven path coloured by its true tilt. Where the
+    matcher of ``estimate`` (the Weighted Scan Matcher's, say) had no match the path is marked."""
     low, high = _extent(run)
     aspect = float((high[1] - low[1]) / (high[0] - low[0]))
     across = min(WIDTH - LEFT - RIGHT - BAR_WIDTH, MAX_HEIGHT / aspect)
@@ -58,8 +56,6 @@ def draw_from_above(run: SimulatedRun, estimate: Estimate | None = None) -> Figu
 
 def draw_thumbnail(run: SimulatedRun, estimate: Estimate | None = None) -> Figure:
     """The same on a picture `THUMBNAIL_WIDTH` inch wide, without axes and legend, with a scale."""
-    from matplotlib.figure import Figure
-
     low, high = _extent(run)
     width, height = high - low
     low = low - [0.0, 0.07 * width]  # the scale lies under it
@@ -80,10 +76,9 @@ def draw_from_the_side(run: SimulatedRun) -> Figure:
 
     Beams within 8° of the heading, without noise; the dashed line is where a level laser would have looked.
     """
-    scan = _most_pitched(run)
-    pose, angles, ranges = _seen(run, scan)
-    ahead, up = _in_heading_plane(pose, angles, ranges)
-    level = _level_range(run, pose)
+    upright = np.max(np.abs(run.tilt), axis=1) < np.deg2rad(25.0)  # not falling over
+    scan = int(np.argmax(np.where(upright, run.tilt[:, 1], -np.inf)))
+    pose, ahead, up, level = _side_view(run, scan)
     reach = max(1.5, level, float(np.nanmax(np.append(ahead, 0.0))))
     figure, (ax,) = grid(1, 1, WIDTH - LEFT - RIGHT, 2.2, 0.0, 0.0)
     _draw_profile(ax, run, pose, reach)
@@ -96,14 +91,8 @@ def draw_from_the_side(run: SimulatedRun) -> Figure:
     roll, pitch = np.degrees(run.tilt[scan])
     set_title(ax, f"scan {scan}: pitch {pitch:.1f}°, roll {roll:.1f}°", "left")
     ax.set(xlim=(-GROUND_BEHIND, reach + 0.3), xlabel="distance ahead [m]", ylabel="height [m]")
-    ax.legend(
-        fontsize=FONT["tick"],
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        borderpad=0,
-        frameon=False,
-        ncols=3,
-    )
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0}
+    ax.legend(fontsize=FONT["tick"], frameon=False, ncols=3, **place)
     return figure
 
 
@@ -111,20 +100,28 @@ def _draw_drive(ax: Axes, run: SimulatedRun, estimate: Estimate | None) -> LineC
     """The world, the path, and where the matcher of ``estimate`` had no match."""
     _draw_ground(ax, run)
     _draw_solids(ax, run)
-    line = _draw_path(ax, run)
+    truth = _truth(run)
+    tilt = np.degrees(np.arccos(np.clip(np.cos(run.tilt[:, 0]) * np.cos(run.tilt[:, 1]), -1.0, 1.0)))
+    pieces = np.stack([truth[:-1, :2], truth[1:, :2]], axis=1)
+    line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5, rasterized=True)
+    line.set_array(np.maximum(tilt[:-1], tilt[1:]))
+    line.set_clim(0.0, MAX_TILT)
+    ax.add_collection(line)
+    ax.plot(*truth[0, :2], marker="o", color=BLUE, markersize=6, zorder=6)
     if estimate is not None and estimate.track is not None:
         tried = estimate.track.verdict != Verdict.SKIPPED
-        lost = run.recording.truth[tried & (estimate.track.matches == 0)]  # type: ignore[index]
-        ax.scatter(
-            lost[:, 0], lost[:, 1], s=26, facecolors="none", edgecolors=VERMILLION, linewidths=1.1, zorder=6
-        )
+        x, y, _ = truth[tried & (estimate.track.matches == 0)].T
+        ax.scatter(x, y, s=26, facecolors="none", edgecolors=VERMILLION, linewidths=1.1, zorder=6)
     return line
 
 
+def _truth(run: SimulatedRun) -> Array:
+    assert run.recording.truth is not None
+    return run.recording.truth
+
+
 def _extent(run: SimulatedRun) -> tuple[Array, Array]:
-    truth = run.recording.truth
-    assert truth is not None
-    points = np.concatenate([run.walls.reshape(-1, 2), truth[:, :2]])
+    points = np.concatenate([run.walls.reshape(-1, 2), _truth(run)[:, :2]])
     return points.min(axis=0) - 0.8, points.max(axis=0) + 0.8
 
 
@@ -139,8 +136,6 @@ def _draw_ground(ax: Axes, run: SimulatedRun) -> None:
 
 def _shade(ax: Axes, values: Array, origin: tuple[float, float], resolution: float, colours: str) -> None:
     """A field in bands of colour, nothing where it is zero."""
-    from matplotlib import colormaps
-
     if not np.any(values > 0.0):
         return
     rows, columns = values.shape
@@ -155,8 +150,6 @@ def _shade(ax: Axes, values: Array, origin: tuple[float, float], resolution: flo
 
 def _draw_solids(ax: Axes, run: SimulatedRun) -> None:
     """What a level laser sees in black, what it sees over or under in outline, movers at the first scan."""
-    from matplotlib.collections import LineCollection, PolyCollection
-
     world, height = run.setup.world, run.setup.scanner.height
     seen = [p.footprint for p in world.prisms if p.z_lo <= height <= p.z_hi]
     missed = [p.footprint for p in world.prisms if not p.z_lo <= height <= p.z_hi]
@@ -169,24 +162,7 @@ def _draw_solids(ax: Axes, run: SimulatedRun) -> None:
         ax.add_collection(LineCollection([closed], colors=ORANGE, linewidths=1.2, zorder=4))
 
 
-def _draw_path(ax: Axes, run: SimulatedRun) -> LineCollection:
-    from matplotlib.collections import LineCollection
-
-    truth = run.recording.truth
-    assert truth is not None
-    tilt = np.degrees(np.arccos(np.clip(np.cos(run.tilt[:, 0]) * np.cos(run.tilt[:, 1]), -1.0, 1.0)))
-    pieces = np.stack([truth[:-1, :2], truth[1:, :2]], axis=1)
-    line = LineCollection(list(pieces), cmap="viridis_r", linewidths=2.0, zorder=5, rasterized=True)
-    line.set_array(np.maximum(tilt[:-1], tilt[1:]))
-    line.set_clim(0.0, MAX_TILT)
-    ax.add_collection(line)
-    ax.plot(*truth[0, :2], marker="o", color=BLUE, markersize=6, zorder=6)
-    return line
-
-
 def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> None:
-    from matplotlib.lines import Line2D
-
     world = run.setup.world
     entries = [
         ("at the laser's height", "s", BLACK, BLACK),
@@ -201,53 +177,31 @@ def _legend(figure: Figure, run: SimulatedRun, estimate: Estimate | None) -> Non
         Line2D([], [], linestyle="none", label=label, marker=marker, mfc=face, mec=edge)
         for label, marker, face, edge in entries
     ]
-    figure.legend(
-        handles=handles, fontsize=FONT["tick"], frameon=False, ncols=len(entries), loc="lower center"
-    )
+    size, columns = FONT["tick"], len(entries)
+    figure.legend(handles=handles, fontsize=size, frameon=False, ncols=columns, loc="lower center")
 
 
-def _most_pitched(run: SimulatedRun) -> int:
-    """The scan with the most nose-down pitch among those of a robot that is not falling over."""
-    upright = np.max(np.abs(run.tilt), axis=1) < np.deg2rad(25.0)
-    return int(np.argmax(np.where(upright, run.tilt[:, 1], -np.inf)))
-
-
-def _seen(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array]:
-    """Pose ``(6,)`` of the laser at a scan, beam angles near the heading, and the true ranges along them."""
-    from sim.terrain_kernels import height_at
-
-    truth = run.recording.truth
-    assert truth is not None
+def _side_view(run: SimulatedRun, scan: int) -> tuple[Array, Array, Array, float]:
+    """Pose ``(6,)`` of the laser at a scan; of each beam near the heading the distance ahead and the height
+    of what it truly met, NaN without; and how far a level laser would have seen, as far as is drawn [m]."""
     scanner, world = run.setup.scanner, run.setup.world
-    x, y, yaw = truth[scan]
+    x, y, yaw = _truth(run)[scan]
     ground = height_at(float(x), float(y), world.terrain.field)
     pose = scanner.sensor_poses(np.array([x, y, yaw, *run.tilt[scan], ground]))
     angles = scanner.angles[np.abs(scanner.angles) <= SECTOR]
-    ranges = scanner.caster(world).cast(pose[None], angles + scanner.mount[2], scanner.range_max)[0]
-    return pose, angles, ranges
-
-
-def _level_range(run: SimulatedRun, pose: Array) -> float:
-    """How far a level laser would have seen along the heading, as far as it is drawn [m]."""
-    caster = run.setup.scanner.caster(run.setup.world)
-    level = pose * [1.0, 1.0, 1.0, 0.0, 0.0, 1.0]
-    met = caster.cast(level[None], np.zeros(1), run.setup.scanner.range_max)[0, 0]
-    return float(np.fmin(met, min(run.setup.scanner.range_max, LEVEL_RANGE)))
-
-
-def _in_heading_plane(pose: Array, angles: Array, ranges: Array) -> tuple[Array, Array]:
-    """Distance ahead of the laser and height of each return, NaN without."""
+    caster = scanner.caster(world)
+    ranges = caster.cast(pose[None], angles + scanner.mount[2], scanner.range_max)[0]
     roll, pitch = pose[3], pose[4]
     c, s = np.cos(angles), np.sin(angles)
     ahead = ranges * (np.cos(pitch) * c + np.sin(pitch) * np.sin(roll) * s)
     up = ranges * (-np.sin(pitch) * c + np.cos(pitch) * np.sin(roll) * s)
-    return ahead, pose[5] + up
+    level = pose * [1.0, 1.0, 1.0, 0.0, 0.0, 1.0]
+    met = caster.cast(level[None], np.zeros(1), scanner.range_max)[0, 0]
+    return pose, ahead, pose[5] + up, float(np.fmin(met, min(scanner.range_max, LEVEL_RANGE)))
 
 
 def _draw_profile(ax: Axes, run: SimulatedRun, pose: Array, reach: float) -> None:
     """The ground along the heading, and what stands on the heading."""
-    from sim.terrain_kernels import heights_at
-
     world = run.setup.world
     along = np.arange(-GROUND_BEHIND, reach + 0.3, 0.02)
     line = pose[:2] + along[:, None] * np.array([np.cos(pose[2]), np.sin(pose[2])])

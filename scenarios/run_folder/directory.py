@@ -49,29 +49,27 @@ def check(out: Path, name: str) -> None:
 @contextmanager
 def prepare(out: Path, name: str) -> Iterator[Folder]:
     """A temporary folder in ``out``, which is created where it is missing; removed again when the run fails.
-
-    Raises `InputError` where the file system cannot be written.
-    """
+    Raises `InputError` where the file system cannot be written."""
     created = [folder for folder in (out, *out.parents) if not folder.exists()]
-    temporary = None
+    began = False
     try:
         out.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=out))
-        yield Folder(temporary, out / safe_name(name))
+        with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=out) as temporary:
+            began = True
+            yield Folder(Path(temporary), out / safe_name(name))
     except OSError as error:
-        if temporary is not None and error.errno not in DISK_ERRORS:
+        if began and error.errno not in DISK_ERRORS:
             raise
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
     finally:
-        if temporary is not None and temporary.exists():
-            shutil.rmtree(temporary)
         for folder in created:
             if folder.is_dir() and not any(folder.iterdir()):
                 folder.rmdir()
 
 
 def publish(folder: Folder, environment: Mapping[str, object]) -> None:
-    """Write environment.json, give the folder its final name and let ``latest`` point at it."""
+    """Write environment.json, give the folder its final name and let the link ``latest`` point at it in one
+    step; a file or folder of that name that is no link stays."""
     dump(folder.temporary / "environment.json", environment)
     folder.temporary.chmod(0o755)
     replaced = folder.temporary.with_name(f"{folder.temporary.name}-replaced")
@@ -80,14 +78,9 @@ def publish(folder: Folder, environment: Mapping[str, object]) -> None:
     folder.temporary.rename(folder.final)
     if replaced.exists():
         shutil.rmtree(replaced)
-    _point_at(folder.final)
-
-
-def _point_at(final: Path) -> None:
-    """Move the link ``latest`` in one step; a file or folder of that name that is no link stays."""
-    latest = final.parent / "latest"
+    latest = folder.final.parent / "latest"
     if latest.is_symlink() or not latest.exists():
-        link = final.parent / f".latest-{final.name}"
+        link = folder.final.parent / f".latest-{folder.final.name}"
         link.unlink(missing_ok=True)
-        link.symlink_to(final.name, target_is_directory=True)
+        link.symlink_to(folder.final.name, target_is_directory=True)
         link.replace(latest)

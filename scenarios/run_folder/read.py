@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,14 @@ import numpy as np
 from scenarios.evaluation.metric import Metric
 from scenarios.run_folder.arrays import COVARIANCE, SUBMAPS_FILE, TRACKS_FILE, read_submaps, read_track
 from scenarios.run_folder.directory import METRICS_FILE, safe_name
-from scenarios.run_folder.stitches import stitch_from_json
 from slam.cli import InputError
 from slam.formats import FormatError, g2o, load, tum
 from slam.formats.recording_npz import TORN
 from slam.graph.pose_graph import PoseGraph
 from slam.recording import Recording
 from slam.scan import scans_of
-from stitch.mapping.estimate import Estimate
+from stitch.align import Alternative, NoStitch, Prior, Stitch
+from stitch.mapping.estimate import Estimate, LoopCandidate
 
 
 def is_run(folder: Path) -> bool:
@@ -40,10 +41,8 @@ def read_metrics(folder: Path) -> tuple[dict[str, Any], list[Metric]]:
 
 
 def read_run(folder: Path) -> tuple[Recording, list[Estimate], list[Metric]]:
-    """The recording, the estimates in the order of the metrics, and the metrics.
-
-    Raises `InputError` for a folder that is no run, is damaged, or was written before submaps were stored.
-    """
+    """The recording, the estimates in the order of the metrics, and the metrics. Raises `InputError` for a
+    folder that is no run, is damaged, or was written before submaps were stored."""
     if not is_run(folder):
         raise InputError(f"{folder}: expected the folder of a run, with {METRICS_FILE}")
     _, metrics = read_metrics(folder)
@@ -77,6 +76,31 @@ def read_run(folder: Path) -> tuple[Recording, list[Estimate], list[Metric]]:
     except (FormatError, *TORN) as error:
         raise InputError(f"{folder}: cannot be read as a run: {error}") from error
     return recording, estimates, metrics
+
+
+def stitch_from_json(entry: Mapping[str, Any]) -> LoopCandidate:
+    """The candidate of an entry of stitches.json. Raises ``KeyError`` for an entry without all of it."""
+    prior = entry["prior"]
+    result: Stitch | NoStitch
+    if "T_a_b" in entry:
+        result = Stitch(
+            np.array(entry["T_a_b"]),
+            None if entry["covariance"] is None else np.array(entry["covariance"]),
+            entry["score"],
+            entry["overlap_m2"],
+            entry["agreement"],
+            tuple(map(_alternative, entry["alternatives"])),
+            entry["belief"],
+        )
+    else:
+        result = NoStitch(entry["reason"], None if entry["best"] is None else _alternative(entry["best"]))
+    if prior is not None:
+        prior = Prior(np.array(prior["T_a_b"]), np.array(prior["covariance"]))
+    return LoopCandidate(entry["a"], entry["b"], result, entry["weight"], entry["turn"], prior)
+
+
+def _alternative(entry: Mapping[str, Any]) -> Alternative:
+    return Alternative(np.array(entry["T_a_b"]), float(entry["score"]))
 
 
 def _trajectory(folder: Path, method: str) -> Path:

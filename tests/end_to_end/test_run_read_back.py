@@ -14,7 +14,7 @@ from scenarios.methods import METHODS
 from scenarios.methods.config import MethodConfig
 from scenarios.report import __main__ as report
 from scenarios.report import figures, view
-from scenarios.report.alignment_evidence import AlignedPair
+from scenarios.report.stitches import AlignedPair
 from scenarios.run_folder.arrays import write_submaps
 from scenarios.run_folder.read import read_run
 from slam.cli import InputError
@@ -88,7 +88,6 @@ def test_the_album_has_a_figure_of_every_stitch(done, tmp_path, monkeypatch):
     monkeypatch.setattr(
         figures, "write_figures", lambda folder, some: drawn.extend((folder, f.name) for f in some)
     )
-    monkeypatch.setattr(figures.FigureSpec, "render", lambda spec: spec)
     assert figures.run([done.folder], tmp_path) == str(tmp_path / "drive-seed0")
     _, estimates, _ = read_run(done.folder)
     stitches = {

@@ -54,8 +54,8 @@ def test_scores_by_hand() -> None:
     assert (found.steps, found.lost, found.unmatched) == (39, 3, 2)
     assert (found.zero_rule.right, found.zero_rule.wrong, found.zero_rule.missed) == (1, 1, 2)
     # Two lost steps are the worst of the matched ones; +inf holds one lost and one that is not.
-    assert found.scores["trace"].auc_matched == 1.0
-    assert found.scores["matches"].auc == pytest.approx((2 * 35 + 35.5) / (3 * 36))
+    assert found.scores["trace"][2] == 1.0
+    assert found.scores["matches"][0] == pytest.approx((2 * 35 + 35.5) / (3 * 36))
 
 
 def test_failures_as_zero_variance_become_the_most_certain() -> None:
@@ -101,8 +101,8 @@ def test_the_correlations_of_the_thesis_and_what_the_truth_says(shared_data: Pat
     assert [round(found.as_lost[pair], 3) for pair in pairs] == [0.851, -0.665, -0.682]
     assert found.labels_swapped is True
     assert (found.steps, found.lost) == (181, 17)
-    assert [round(score.auc, 3) for score in found.scores.values()] == [0.951, 0.945, 0.965]
-    assert [round(score.ap, 3) for score in found.scores.values()] == [0.855, 0.816, 0.836]
+    assert [round(score[0], 3) for score in found.scores.values()] == [0.951, 0.945, 0.965]
+    assert [round(score[1], 3) for score in found.scores.values()] == [0.855, 0.816, 0.836]
     assert round(found.zero_rule.precision, 2) == 0.90
     assert round(found.zero_rule.recall, 2) == 0.53
 

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from scenarios.report import __main__ as command
-from scenarios.report import chapter3, shapes
+from scenarios.report import chapter3
+from scenarios.report.chapter3 import points_on, rasterise_points
 from slam import se2
 from stitch import NoStitch, Prior, Stitch, align
 from stitch.alignment import hough
@@ -37,26 +38,26 @@ def tops(signal: np.ndarray, count: int) -> list[int]:
 
 def test_two_lines_are_two_points() -> None:
     """Figure 3.1: at 0° and 45°; the third maximum, at 180°, is that at 0°."""
-    found = chapter3.transform(shapes.points_on(shapes.lines()))
+    found = chapter3.transform(points_on(chapter3.lines()))
     for angle, rho in ((0, 1.5), (45, 0.5)):
         column = found.votes[angle]
         at = found.first + found.resolution * int(np.argmax(column))
-        assert at == pytest.approx(rho, abs=shapes.PIXEL)
+        assert at == pytest.approx(rho, abs=chapter3.PIXEL)
         assert column.max() > 0.6 * np.delete(found.votes, [0, 1, 44, 45, 46, 179], axis=0).max() + 10
     last = found.first + found.resolution * int(np.argmax(found.votes[-1]))
-    assert last == pytest.approx(-1.5, abs=shapes.PIXEL)
+    assert last == pytest.approx(-1.5, abs=chapter3.PIXEL)
 
 
 def test_rooms_have_two_directions() -> None:
     """Figure 3.2."""
-    of_rooms = spectrum(shapes.points_on(shapes.rooms()))
+    of_rooms = spectrum(points_on(chapter3.rooms()))
     assert tops(of_rooms, 2) == [0, 90]
     assert np.delete(of_rooms, np.r_[0:10, 80:101, 170:180]).max() < 0.15
 
 
 def test_a_beehive_has_three() -> None:
     """Figure 3.3: at 60° from each other, well above all others."""
-    of_hexagons = spectrum(shapes.points_on(shapes.hexagons()))
+    of_hexagons = spectrum(points_on(chapter3.hexagons()))
     assert tops(of_hexagons, 3) == [0, 60, 120]
     assert of_hexagons[[0, 60, 120]].min() > 1.3 * of_hexagons[[30, 90, 150]].max()
 
@@ -64,8 +65,8 @@ def test_a_beehive_has_three() -> None:
 @pytest.mark.parametrize("degrees", [0, 30, 90, 137])
 def test_the_correlation_tells_how_far_the_lines_were_turned(degrees: int) -> None:
     """Figure 3.4: at 90°, with smaller peaks 45° to either side."""
-    points = shapes.points_on(shapes.lines())
-    correlation = cross_correlation(spectrum(shapes.rotate(points, np.radians(degrees))), spectrum(points))
+    points = points_on(chapter3.lines())
+    correlation = cross_correlation(spectrum(chapter3.rotate(points, np.radians(degrees))), spectrum(points))
     best = int(np.argmax(correlation))
     assert min((best - degrees) % 180, (degrees - best) % 180) <= 1
     beside = correlation[[(degrees + 45) % 180, (degrees - 45) % 180]]
@@ -76,9 +77,12 @@ def test_the_correlation_tells_how_far_the_lines_were_turned(degrees: int) -> No
 @pytest.mark.parametrize("degrees", [60, -60, 20, 160])
 def test_a_turned_beehive_is_turned_back(degrees: int) -> None:
     """Rotation is known but for its six-fold symmetry, translation exactly for the right one of six."""
-    points = shapes.points_on(shapes.hexagons()[5:])  # without one corner of the comb it fits one way only
+    points = points_on(chapter3.hexagons()[5:])  # without one corner of the comb it fits one way only
     T_a_b = np.array([2.0, -3.0, np.radians(degrees)])
-    a, b = shapes.rasterise_points(points), shapes.rasterise_points(se2.transform(se2.inverse(T_a_b), points))
+    a, b = (
+        rasterise_points(points),
+        rasterise_points(se2.transform(se2.inverse(T_a_b), points)),
+    )
     walls_a, walls_b = a.grid.occupied_points(), b.grid.occupied_points()
     spectrum_a, spectrum_b = spectrum(walls_a), spectrum(walls_b)
     angles, _ = hypotheses(spectrum_a, spectrum_b, 3, np.radians(10.0), 0.0)
@@ -86,17 +90,17 @@ def test_a_turned_beehive_is_turned_back(degrees: int) -> None:
     assert off.min() <= 1.0
     np.testing.assert_allclose(np.round(off / 60.0) * 60.0, off, atol=1.0)
     right = float(angles[np.argmin(off)])
-    t, _ = by_spectra(walls_a, walls_b, right, dominant_direction(spectrum_a), shapes.PIXEL)
+    t, _ = by_spectra(walls_a, walls_b, right, dominant_direction(spectrum_a), chapter3.PIXEL)
     np.testing.assert_allclose(t, T_a_b[:2], atol=0.12)
 
 
 def test_spectra_show_walls_only_along_the_dominant_direction() -> None:
     """Figures 3.5 and 3.6."""
-    points = shapes.rasterise_points(shapes.points_on(shapes.rooms())).grid.occupied_points()
-    along_x, first = profile(points[:, 0], shapes.PIXEL)
+    points = rasterise_points(points_on(chapter3.rooms())).grid.occupied_points()
+    along_x, first = profile(points[:, 0], chapter3.PIXEL)
     walls = first + np.flatnonzero(along_x > 0.4 * 160)
-    np.testing.assert_allclose(shapes.PIXEL * walls, [0.0, 3.4, 8.15, 12.0], atol=shapes.PIXEL)
-    skew, _ = profile(shapes.rotate(points, np.radians(20.0))[:, 0], shapes.PIXEL)
+    np.testing.assert_allclose(chapter3.PIXEL * walls, [0.0, 3.4, 8.15, 12.0], atol=chapter3.PIXEL)
+    skew, _ = profile(chapter3.rotate(points, np.radians(20.0))[:, 0], chapter3.PIXEL)
     assert skew.max() < 0.1 * along_x.max()
 
 
@@ -115,11 +119,11 @@ def test_the_cut_out_has_four_hypotheses_and_the_third_is_right() -> None:
 
 def test_the_inertial_sensor_chooses() -> None:
     """Section 3.6: the hypothesis nearest its rotation; without one, the smallest rotation."""
-    a, b = shapes.map_and_cutout()
+    a, b = chapter3.map_and_cutout()
     told = Prior(np.array([0.0, 0.0, np.radians(60.0)]), np.eye(3))
     answer = align(a, b, told, chapter3.CONFIG)
     assert isinstance(answer, Stitch)
-    np.testing.assert_allclose(answer.T_a_b, shapes.T_MAP_CUTOUT, atol=0.05)
+    np.testing.assert_allclose(answer.T_a_b, chapter3.T_MAP_CUTOUT, atol=0.05)
     assert answer.covariance is None
     alone = align(a, b, None, chapter3.CONFIG)
     assert isinstance(alone, Stitch)

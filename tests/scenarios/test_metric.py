@@ -2,12 +2,12 @@ import math
 
 import pytest
 
-from scenarios.evaluation.definitions import DEFINITIONS
-from scenarios.evaluation.metric import Metric, cost, measured, missing
+from scenarios.evaluation import DEFINITIONS, cost, missing, to_metrics
+from scenarios.evaluation.metric import Metric
 
 
 def test_json_of_a_value_has_no_reason():
-    (metric,) = measured("wsm", {"ate_rmse": 0.31})
+    (metric,) = to_metrics("wsm", {"ate_rmse": 0.31})
     assert metric.to_json() == {
         "method": "wsm",
         "metric": "ate_rmse",

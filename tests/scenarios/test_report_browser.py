@@ -65,7 +65,7 @@ class Made:
 
     def page(self, simulated: SimulatedRun | None = None) -> str:
         metrics = evaluate(self.recording, self.estimates)
-        figures = [spec.render() for spec in run_specs(self.recording, self.estimates, metrics)[:1]]
+        figures = run_specs(self.recording, self.estimates, metrics)[:1]
         run = {"command": "python -m scenarios.run room", "seed": 0}
         return render(self.recording, self.estimates, metrics, run, figures, simulated)
 

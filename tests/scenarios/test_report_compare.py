@@ -11,8 +11,7 @@ import pytest
 
 from scenarios.report import __main__ as command
 from scenarios.report import compare
-from scenarios.report.comparison import collect_results, compare_metrics
-from scenarios.report.strip_plot import strip_plot
+from scenarios.report.compare import collect_results, compare_metrics, strip_plot
 from slam.cli import InputError
 
 
@@ -133,11 +132,11 @@ def test_a_run_is_counted_once_though_a_link_leads_there(runs):
 def test_the_strip_lies_within_its_axis(runs):
     for comparison in compare_metrics(collect_results(sorted(runs.iterdir()))):
         picture = strip_plot(comparison, lambda result: None)
-        ends = [x for _, x in picture.ticks]
-        assert len(picture.ticks) >= 2
-        assert all(ends[0] <= dot.x <= ends[-1] for dot in picture.dots)
-        assert sum(dot.worst for dot in picture.dots) == len(picture.medians)
-        assert not picture.logarithmic
+        ends = [x for _, x in picture["ticks"]]
+        assert len(picture["ticks"]) >= 2
+        assert all(ends[0] <= dot["x"] <= ends[-1] for dot in picture["dots"])
+        assert sum(dot["worst"] for dot in picture["dots"]) == len(picture["medians"])
+        assert not picture["logarithmic"]
 
 
 def test_errors_of_many_sizes_are_shown_on_a_logarithmic_axis(tmp_path):
@@ -145,7 +144,7 @@ def test_errors_of_many_sizes_are_shown_on_a_logarithmic_axis(tmp_path):
         a_run(tmp_path, "s", seed, {"m": {"ate_rmse": error}})
     (comparison,) = compare_metrics(collect_results(sorted(tmp_path.iterdir())))
     picture = strip_plot(comparison, lambda result: None)
-    assert [words for words, _ in picture.ticks] == ["0.01", "0.1", "1", "10"]
+    assert [words for words, _ in picture["ticks"]] == ["0.01", "0.1", "1", "10"]
 
 
 @pytest.mark.parametrize(

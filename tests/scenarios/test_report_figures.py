@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.report import stitch_figures
-from scenarios.report.alignment_evidence import AlignedPair
-from scenarios.report.figures import FigureSpec, false_stitches, run_specs, write_figures
-from scenarios.report.shapes import points_on, rasterise_points, rooms
+from scenarios.evaluation.segmentation import false_stitches
+from scenarios.report import stitches
+from scenarios.report.chapter3 import points_on, rasterise_points, rooms
+from scenarios.report.figures import FigureSpec, run_specs, write_figures
 from scenarios.report.trajectory_figures import draw_uncertainty
 from slam import se2
 from slam.colours import BLACK, BLUE, ORANGE, VERMILLION
 from slam.recording import Laser, Recording
-from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Alternative, NoStitch, Stitch
 from stitch.mapping.estimate import Estimate, LoopCandidate
 
@@ -53,24 +52,22 @@ def recording(estimate) -> Recording:
 
 def test_walls_of_both_pieces_are_told_apart():
     a, b = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[0.1, 0.1], [3.0, 0.0], [1.2, 0.0]])
-    assert stitch_figures.in_both(a, b).tolist() == [True, False, False]
-    assert stitch_figures.in_both(np.zeros((0, 2)), b).tolist() == [False] * 3
-    layers = {colour: points.tolist() for points, colour, _ in stitch_figures.pair_layers(a, b)}
+    (_, only_b, both) = (points for points, _, _ in stitches.pair_layers(np.zeros((0, 2)), b))
+    assert (len(only_b), len(both)) == (3, 0)
+    layers = {colour: points.tolist() for points, colour, _ in stitches.pair_layers(a, b)}
     assert layers == {BLUE: a.tolist(), ORANGE: [[3.0, 0.0], [1.2, 0.0]], BLACK: [[0.1, 0.1]]}
 
 
 def test_a_sheet_has_a_title_for_every_tile_and_keeps_north_up():
     corner = np.array([[0.0, 0.0], [0.0, 4.0]])
-    tiles = [
-        stitch_figures.Tile(f"tile {k}", ((corner, BLACK),)) for k in range(stitch_figures.MAX_TILES + 3)
-    ]
-    figure = stitch_figures.draw_sheet(tiles)
+    tiles = [stitches.Tile(f"tile {k}", ((corner, BLACK),)) for k in range(stitches.MAX_TILES + 3)]
+    figure = stitches.draw_sheet(tiles)
     (ax,) = figure.axes
     titles = [text.get_text() for text in ax.texts]
     assert titles[0] == "tile 0, 4 m"
     assert titles[-1] == "and 3 more"
     low, high = ax.collections[0].get_offsets()[:2]
-    assert high[1] - low[1] == pytest.approx(stitch_figures.MAP_SHARE)
+    assert high[1] - low[1] == pytest.approx(stitches.MAP_SHARE)
     assert not ax.yaxis_inverted()
 
 
@@ -78,18 +75,18 @@ def test_steps_are_the_accepted_stitches_and_false_ones_are_red(estimate):
     false = false_stitches(estimate, estimate.poses)
     assert false == {1}
     assert false_stitches(estimate, None) == frozenset()
-    (ax,) = stitch_figures.draw_accepted_stitches(estimate, false).axes
+    (ax,) = stitches.draw_accepted_stitches(estimate, false).axes
     assert [text.get_color() for text in ax.texts] == [BLACK, VERMILLION]
 
 
 def test_a_stitch_is_drawn_with_its_evidence(estimate):
-    drawable = [AlignedPair.of(estimate, stitch).complete for stitch in estimate.stitches]
+    drawable = [stitches.AlignedPair.of(estimate, stitch).complete for stitch in estimate.stitches]
     assert drawable == [True, True, True, False]
-    figure = stitch_figures.draw_stitch(estimate, estimate.stitches[0], AlignConfig())
+    figure = stitches.draw_stitch(estimate, estimate.stitches[0])
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert {"before", "after", "Hough spectra [°]", "X spectra [m]", "score within 2 m"} <= set(titles)
     with pytest.raises(ValueError, match="stitch 0-1 of m has no alignment to draw"):
-        stitch_figures.draw_stitch(estimate, estimate.stitches[3], AlignConfig())
+        stitches.draw_stitch(estimate, estimate.stitches[3])
 
 
 def test_uncertainty_is_drawn_ten_times_as_large(estimate, recording):
@@ -105,7 +102,7 @@ def test_figures_have_plain_names_and_are_drawn_when_rendered(estimate, recordin
     assert [spec.name for spec in specs] == [
         "maps", "trajectories", "submaps-a_b", "steps-a_b", "stitch-a_b-0-1",
     ]  # fmt: skip
-    figure = FigureSpec("p", specs[1].draw, "alt", "caption").render()
+    figure = FigureSpec("p", specs[1].draw, "alt", "caption")
     write_figures(tmp_path / "new", [figure])
     assert (tmp_path / "new" / "p.png").read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / "new" / "p.pdf").read_bytes()[:5] == b"%PDF-"

@@ -11,31 +11,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.report.alignment_evidence import (
-    RESOLUTION,
-    Walls,
-    axis_spectra,
-    merged_walls,
-    rotation_correlation,
-    score_surface,
-)
-from scenarios.report.live.content import (
+from scenarios.evaluation.segmentation import segment_gaps
+from scenarios.report.chapter3 import points_on, rasterise_points, rooms
+from scenarios.report.live import (
+    GAPS,
     MAX_SCANS,
-    DownsampledDrive,
+    MEMORY,
     drive_content,
+    fitting_beams,
     live_content,
     map_image,
+    pack,
+    pack_bits,
     script_safe,
+    shown_rows,
+    stitch_entry,
 )
-from scenarios.report.live.encode import GAPS, pack, pack_bits
-from scenarios.report.live.scan_fit import MEMORY, fitting_beams
-from scenarios.report.live.stitches import stitch_entries
-from scenarios.report.shapes import points_on, rasterise_points, rooms
-from scenarios.report.trajectory_figures import ellipses, segment_gaps, to_map_axes
+from scenarios.report.stitches import RESOLUTION, AlignedPair, Walls, merged_walls
+from scenarios.report.trajectory_figures import ellipses, to_map_axes
 from slam import se2
 from slam.mapping.occupancy import Grid
 from slam.recording import Laser, Recording
-from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import NoStitch, Stitch
 from stitch.mapping.estimate import Estimate, LoopCandidate
 
@@ -117,11 +113,11 @@ def test_what_was_seen_long_ago_is_forgotten(recording):
 def test_long_drives_are_shown_in_part():
     n = 2 * MAX_SCANS + 1
     still = Recording("r", np.arange(n), np.ones((n, 2)), np.array([0.0, 0.1]), Laser(), np.zeros((n, 3)))
-    shown = DownsampledDrive.of(still)
-    assert shown.rows.tolist() == list(range(0, n, 3))
-    content = drive_content(shown, None)
-    assert len(unpacked(content["time"])) == len(shown.rows)
-    assert len(unpacked(content["ranges"])) == 2 * len(shown.rows)
+    rows = shown_rows(still)
+    assert rows.tolist() == list(range(0, n, 3))
+    content = drive_content(still, rows, None)
+    assert len(unpacked(content["time"])) == len(rows)
+    assert len(unpacked(content["ranges"])) == 2 * len(rows)
     assert content["tilt"] is None
 
 
@@ -169,29 +165,30 @@ def estimate() -> Estimate:
 
 
 def test_every_stitch_tells_what_became_of_it(estimate):
-    found = stitch_entries(estimate, estimate.poses, AlignConfig())
+    found = [stitch_entry(estimate, stitch, estimate.poses) for stitch in estimate.stitches]
     assert [one["state"] for one in found] == ["accepted", "false", "rejected", "refused"]
     assert found[1]["error"][0] == pytest.approx(1.0)
     assert found[0]["before"] == [1.0, 0.0, 0.0]
     assert found[3]["reason"] == "no candidate"
     assert "evidence" not in found[3]
-    assert [one["state"] for one in stitch_entries(estimate, None, AlignConfig())] == [
-        "accepted", "accepted", "rejected", "refused",
-    ]  # fmt: skip
+    blind = [stitch_entry(estimate, stitch, None)["state"] for stitch in estimate.stitches]
+    assert blind == ["accepted", "accepted", "rejected", "refused"]
 
 
 def test_the_evidence_peaks_at_the_true_alignment(estimate):
     a, b = (Walls(submap.grid.occupied_points(), submap.grid) for submap in estimate.submaps)
-    correlation = rotation_correlation(a, b)
+    pair = AlignedPair(a, b, np.zeros(3), T)
+    correlation = pair.rotation_correlation()
     assert correlation.max() == 1.0
     assert correlation[30] > 0.9
-    for axis in axis_spectra(a, b, T):
-        best = axis.first_shift + RESOLUTION * int(np.argmax(axis.correlation))
+    for axis in pair.axis_spectra():
+        first, correlation = axis.correlation
+        best = first + RESOLUTION * int(np.argmax(correlation))
         assert best == pytest.approx(axis.shift, abs=2 * RESOLUTION)
-    found = score_surface(a, b, T, AlignConfig())
-    row, column = np.unravel_index(int(np.argmax(found.agreement)), found.agreement.shape)
-    np.testing.assert_allclose(found.translations()[row, column], T[:2], atol=2 * RESOLUTION)
-    assert score_surface(replace(a, grid=None), b, T, AlignConfig()) is None
+    score, first = pair.score_surface()
+    row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+    np.testing.assert_allclose(first + RESOLUTION * np.array([column, row]), T[:2], atol=2 * RESOLUTION)
+    assert replace(pair, a=replace(a, grid=None)).score_surface() is None
 
 
 def test_a_piece_of_htms_is_shown_with_all_before_it(estimate):

@@ -7,8 +7,7 @@ import pytest
 from scenarios.jsonable import jsonable
 from scenarios.report.page import facts
 from scenarios.run_folder.directory import check, prepare, publish, safe_name
-from scenarios.run_folder.run import Run
-from scenarios.run_folder.write import segments, stitches
+from scenarios.run_folder.write import Run, segments, stitches
 from slam.cli import InputError
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap

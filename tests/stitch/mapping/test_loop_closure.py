@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.run_folder.stitches import stitch_to_json
+from scenarios.run_folder.write import stitch_to_json
 from slam import se2
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping.occupancy import Grid
@@ -197,6 +197,6 @@ def test_the_story_tells_when_where_and_why() -> None:
     by_pair = {(one["a"], one["b"]): one for one in told}
     found = by_pair[0, 6]
     assert (found["turn"], found["scan"], found["accepted"], found["weight"]) == (0, 69, True, 1.0)
-    assert np.shape(found["prior"]["T_a_b"]) == (3,)  # type: ignore[index]
+    assert np.shape(found["prior"].T_a_b) == (3,)  # type: ignore[attr-defined]
     refused = by_pair[1, 7]
     assert (refused["reason"], refused["weight"], refused["accepted"]) == ("not told", None, False)

@@ -1,4 +1,5 @@
-"""The metrics of a run as a table: rows of metrics, columns of methods, for the console and for the page."""
+"""What a run's metrics say: as a table for the console and the page, as a score for each method, and in a
+sentence."""
 
 from __future__ import annotations
 
@@ -6,10 +7,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenarios.evaluation.definitions import DEFINITIONS
+from scenarios.evaluation import DEFINITIONS
 from scenarios.evaluation.metric import Metric
+from scenarios.evaluation.segmentation import segment_gaps
 from scenarios.methods import BASELINE
+from scenarios.report.method_attributes import colour_indices, is_told_the_truth
 from slam.table import ABSENT, Bold, Table, number
+from stitch.mapping.estimate import Estimate
 
 ARROWS = {"lower": "↓", "higher": "↑", None: ""}
 KINDS = {
@@ -21,6 +25,10 @@ KINDS = {
     "cost": ("wall", "scans", "peak", "latency"),
 }
 """Headings, and how the names of the metrics under them begin."""
+
+
+HEADLINES = (("ate_rmse", "position error (ATE)"), ("relation_trans_mean", "mean error of the relations"))
+"""Metrics that a run is judged by, the first that it has, in words."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,7 @@ class MetricsTable:
 
     methods: tuple[str, ...]
     rows: tuple[Row, ...]
-    absent: tuple[tuple[str, tuple[str, ...]], ...]
+    absent: tuple[tuple[str, list[str]], ...]
 
     def kinds(self) -> list[tuple[str, list[Row]]]:
         """The rows under the headings of `KINDS`, what is under none of them last."""
@@ -83,19 +91,17 @@ def tabulate(metrics: Sequence[Metric]) -> MetricsTable:
     by_name: dict[str, dict[str, Metric]] = {}
     for metric in metrics:
         by_name.setdefault(metric.name, {})[metric.method] = metric
-    order = {name: i for i, name in enumerate(DEFINITIONS)}
     rows: list[Row] = []
     absent: dict[str, list[str]] = {}
-    for name in sorted(by_name, key=lambda name: order.get(name, len(order))):
+    known = [name for name in DEFINITIONS if name in by_name]
+    for name in dict.fromkeys([*known, *by_name]):
         by_method = by_name[name]
         if any(metric.value is not None for metric in by_method.values()):
             rows.append(_row(name, by_method, methods))
         else:
             reasons = dict.fromkeys(metric.reason for metric in by_method.values() if metric.reason)
             absent.setdefault("; ".join(reasons), []).append(name)
-    return MetricsTable(
-        methods, tuple(rows), tuple((reason, tuple(names)) for reason, names in absent.items())
-    )
+    return MetricsTable(methods, tuple(rows), tuple(absent.items()))
 
 
 def _row(name: str, by_method: dict[str, Metric], methods: tuple[str, ...]) -> Row:
@@ -138,3 +144,106 @@ def _decimals(values: Sequence[float]) -> int:
         return 0
     smallest = min((abs(value) for value in values if value != 0.0), default=1.0)
     return max(0, min(4, 2 - math.floor(math.log10(smallest))))
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The metric a run is judged by, its name in ``words``, every method's score [m], less being better, and
+    the ``best`` method of those that compete: the oracle, which sees truth, does not."""
+
+    name: str
+    words: str
+    scores: dict[str, float]
+    best: str | None
+
+
+def headline(metrics: Sequence[Metric]) -> Headline | None:
+    """The first of `HEADLINES` that any method has; None without."""
+    for name, words in HEADLINES:
+        scores = {m.method: m.value for m in metrics if m.name == name and m.value is not None}
+        if scores:
+            competing = [method for method in scores if not is_told_the_truth(method)]
+            return Headline(name, words, scores, min(competing, key=lambda m: scores[m], default=None))
+    return None
+
+
+def scores(judged: Headline | None, methods: Sequence[str]) -> list[dict[str, object]]:
+    """Every method's score in words, how it compares with dead reckoning, and the index of its colour; the
+    best first, those without one last; none where nothing is judged."""
+    if judged is None:
+        return []
+    values, base = judged.scores, judged.scores.get(BASELINE)
+    colours = dict(zip(methods, colour_indices(methods), strict=True))
+    return [
+        {
+            "colour": colours[method],
+            "method": method,
+            "text": _metres(values[method]) if method in values else ABSENT,
+            "versus": "dead reckoning" if method == BASELINE else _times(values.get(method), base),
+            "best": method == judged.best and len(values) > 1,
+        }
+        for method in sorted(methods, key=lambda method: values.get(method, math.inf))
+    ]
+
+
+def _times(score: float | None, base: float | None) -> str:
+    """How many times better than the baseline a score is, or worse."""
+    if score is None:
+        return "not scored"
+    if not base or score <= 0.0:
+        return ""
+    return f"{base / score:.3g} times better" if score <= base else f"{score / base:.3g} times worse"
+
+
+def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> str:
+    """Which method did best and by how much over dead reckoning; its cuts (those of ``estimates``) and
+    stitches, and false stitches of all."""
+    judged = headline(metrics)
+    if judged is None:
+        return (
+            "Nothing to score against: the recording has neither truth nor relations. Judge the maps by eye."
+        )
+    best = judged.best
+    if best is None:
+        return "No method but the oracle was scored."
+    cuts = next((len(segment_gaps(e.submaps)) for e in estimates if e.method == best and e.submaps), None)
+    false = [
+        f"{m.method} accepted {m.value:.0f} false stitch{'' if m.value == 1 else 'es'}."
+        for m in metrics
+        if m.name == "stitches_false" and m.value and m.method != best
+    ]
+    return " ".join([_ranking(judged, best) + _stitching(best, cuts, metrics), *false])
+
+
+def _ranking(judged: Headline, best: str) -> str:
+    words, score, base = judged.words, judged.scores[best], judged.scores.get(BASELINE)
+    others = {m: s for m, s in judged.scores.items() if m != best and not is_told_the_truth(m)}
+    if not others:
+        return f"{best}: {words} {_metres(score)}"
+    if best == BASELINE:
+        second = min(others, key=lambda method: others[method])
+        return (
+            f"No method improves on dead reckoning: {words} {_metres(score)}, "
+            f"next is {second} with {_metres(others[second])}"
+        )
+    text = f"{best} is best: {words} {_metres(score)}"
+    if base is None or score <= 0.0:
+        return text
+    digits = 1 if base / score < 10.0 else 0
+    return f"{text}, {base / score:.{digits}f} times better than dead reckoning ({_metres(base)})"
+
+
+def _stitching(best: str, cuts: int | None, metrics: Sequence[Metric]) -> str:
+    """The end of the sentence: what the best method cut and stitched."""
+    counts = {m.name: int(m.value) for m in metrics if m.method == best and m.value is not None}
+    if "stitches_accepted" not in counts:
+        return "."
+    parts = [] if cuts is None else [f"{cuts} cut{'' if cuts == 1 else 's'}"]
+    parts.append(f"{counts['stitches_accepted']} of {counts['stitches_tried']} stitches accepted")
+    if "stitches_false" in counts:
+        parts.append(f"{counts['stitches_false']} false")
+    return f"; {', '.join(parts)}."
+
+
+def _metres(value: float) -> str:
+    return f"{value:.3f} m" if value < 10.0 else f"{value:.1f} m"

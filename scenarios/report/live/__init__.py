@@ -1,1 +1,0 @@
-"""The data of the live map, as the page reads it."""
