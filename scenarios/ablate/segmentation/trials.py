@@ -17,7 +17,7 @@ from scenarios.evaluation.trajectory import aligned
 from scenarios.sweep import Answer, Trial
 from slam import se2
 from slam.odometry.dead_reckoning import DeadReckoning
-from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, lost_steps
+from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, lost_steps, split_at_losses
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import FrontendConfig, track
 from slam.recording import Recording
