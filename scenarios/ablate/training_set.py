@@ -8,10 +8,11 @@ from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from scenarios.ablate.classifiers import fit_logistic
 from scenarios.ablate.pair_sampling import STRANGERS, SubmapPair
-from scenarios.ablate.stitching_trials import draw_prior, is_right
+from scenarios.ablate.study.stitching import draw_prior, is_right
 from slam.se2 import Array
 from stitch.alignment.acceptance import features
 from stitch.alignment.config import AlignConfig
@@ -35,34 +36,37 @@ class Columns:
         several = list(several)
         return cls(*(np.concatenate([getattr(part, f.name) for part in several]) for f in fields(cls)))
 
-    @classmethod
-    def pack(cls, several: Sequence[Self]) -> bytes:
-        """Tables as one ``.npz``, to be read by `unpack`."""
+    def to_bytes(self) -> bytes:
+        """The table as an .npz file."""
         buffer = io.BytesIO()
-        arrays = {f"{f.name}{k}": getattr(one, f.name) for k, one in enumerate(several) for f in fields(cls)}
-        np.savez_compressed(buffer, allow_pickle=False, **arrays)
+        np.savez_compressed(buffer, allow_pickle=False, **vars(self))
         return buffer.getvalue()
 
     @classmethod
-    def unpack(cls, content: bytes) -> list[Self]:
-        """The tables that were packed."""
+    def from_bytes(cls, content: bytes) -> Self:
+        """What `to_bytes` wrote."""
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            number = len(arrays.files) // len(fields(cls))
-            return [cls(*(arrays[f"{f.name}{k}"] for f in fields(cls))) for k in range(number)]
+            return cls(**arrays)
+
+    def where(self, rows: np.ndarray) -> Self:
+        """The rows ``(n,)`` bool."""
+        return type(self)(*(column[rows] for column in vars(self).values()))
 
 
 @dataclass(frozen=True)
 class CountedAlignments(Columns):
     """Every candidate of the search for some pairs, with its counts.
 
-    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.OverlapCounts`;
-    ``unlikely (n,)``: what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by truth.
+    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.OverlapCounts`; ``unlikely
+    (n,)``: what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by truth; ``guided
+    (n,)`` bool: with a prior.
     """
 
     counts: Array
     gaps: Array
     unlikely: Array
     right: np.ndarray
+    guided: np.ndarray
 
     @classmethod
     def of_pair(cls, pair: SubmapPair, prior: Prior | None, config: AlignConfig) -> Self:
@@ -78,12 +82,14 @@ class CountedAlignments(Columns):
             np.array([overlap.gaps for overlap in overlaps]),
             np.array([float(prior_penalty(prior, T_a_b, 1.0)) for T_a_b in poses]),
             np.array([is_right(T_a_b, pair.T_a_b, pair.middle_b) for T_a_b in poses]),
+            np.full(len(poses), prior is not None),
         )
 
     @classmethod
     def empty(cls) -> Self:
         """No alignment."""
-        return cls(np.zeros((0, 2, 3, 7)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=bool))
+        nothing = np.zeros(0, dtype=bool)
+        return cls(np.zeros((0, 2, 3, 7)), np.zeros((0, 3)), np.zeros(0), nothing, nothing)
 
     @property
     def features(self) -> Array:
@@ -157,10 +163,7 @@ def fit_likelihood(alignments: CountedAlignments) -> tuple[Array, Array, float]:
 
 def fit_prior_offset(alignments: CountedAlignments, weights: Array, gaps: Array, bias: float) -> float:
     """The constant that having a prior adds to the log-odds, from alignments with one."""
-    from scipy.optimize import minimize_scalar
-
     odds = alignments.features @ np.concatenate([weights.ravel(), gaps]) + bias - alignments.unlikely
     sign = np.where(alignments.right, 1.0, -1.0)
-    return float(
-        minimize_scalar(lambda shift: np.logaddexp(0.0, -sign * (odds + shift)).sum(), bounds=(-20, 20)).x
-    )
+    loss = minimize_scalar(lambda shift: np.logaddexp(0.0, -sign * (odds + shift)).sum(), bounds=(-20, 20))
+    return float(loss.x)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from tyro.conf import arg
@@ -20,12 +20,9 @@ from tyro.conf import arg
 from scenarios.catalogue import CATALOGUE
 from slam import se2
 from slam.cli import InputError, main, nearest
+from slam.recording import Recording
 from slam.se2 import Array
-from slam.table import ABSENT, Table
-
-if TYPE_CHECKING:
-    from slam.odometry.track import Track
-    from slam.recording import Recording
+from slam.table import ABSENT, Columns, Table
 
 COMMAND = "scenarios.bench.realism"
 
@@ -65,6 +62,23 @@ class Comparison:
         return "range" if self.least - SLACK <= self.real <= self.most + SLACK else "no"
 
 
+def _digits(value: float | None) -> str:
+    return ABSENT if value is None else f"{value:.3g}"
+
+
+COLUMNS: Columns = (
+    ("figure", lambda one: one.name),
+    ("unit", lambda one: one.unit),
+    ("real", lambda one: _digits(one.real)),
+    ("simulated 25 %", lambda one: _digits(one.low)),
+    ("50 %", lambda one: _digits(one.median)),
+    ("75 %", lambda one: _digits(one.high)),
+    ("least", lambda one: _digits(one.least)),
+    ("most", lambda one: _digits(one.most)),
+    ("brackets the real one", lambda one: one.bracketed or ABSENT),
+)
+
+
 def compare(real: Recording | None, simulated: Sequence[Recording]) -> list[Comparison]:
     """All figures of a real recording, or none, beside those of simulated ones. All need truth.
 
@@ -78,10 +92,9 @@ def compare(real: Recording | None, simulated: Sequence[Recording]) -> list[Comp
         values = values[np.isfinite(values)]
         if len(values) == 0:
             continue
-        low, median, high, least, most = np.percentile(values, [*QUARTILES, 0, 100]).tolist()
         value = of_real.get(name, np.nan)
-        real_value = None if np.isnan(value) else value
-        comparisons.append(Comparison(*name, real_value, low, median, high, least, most))
+        simulated_values = np.percentile(values, [*QUARTILES, 0, 100]).tolist()
+        comparisons.append(Comparison(*name, None if np.isnan(value) else value, *simulated_values))
     return comparisons
 
 
@@ -108,24 +121,16 @@ def printed(values: Array, decimals: int = 2) -> Array:
 
 def _matching_figures(recording: Recording) -> dict[tuple[str, str], float]:
     """What ManifoldSLAM's matcher makes of the scans, and how many beams come back."""
+    from slam.odometry.track import Verdict
     from slam.odometry.tracker import MANIFOLD_SLAM, track
 
-    tried = _tried(track(recording, MANIFOLD_SLAM))
-    beams = np.isfinite(recording.ranges).sum(axis=1)
+    tracked = track(recording, MANIFOLD_SLAM)
+    matches = tracked.matches[1:][tracked.verdict[1:] != Verdict.SKIPPED]
     return {
-        ("steps without a match", "%"): 100.0 * float(np.mean(tried == 0)),
-        **_quartiles("matches per step", "", tried),
-        **_quartiles("valid beams per scan", "", beams),
+        ("steps without a match", "%"): 100.0 * float(np.mean(matches == 0)),
+        **_quartiles("matches per step", "", matches),
+        **_quartiles("valid beams per scan", "", np.isfinite(recording.ranges).sum(axis=1)),
     }
-
-
-def _tried(track: Track) -> np.ndarray:
-    """Matches of every step that was not skipped."""
-    from slam.odometry.track import Verdict
-
-    stepped = track.verdict != Verdict.SKIPPED
-    stepped[0] = False
-    return track.matches[stepped]
 
 
 def _tilt_figures(attitude: Array) -> dict[tuple[str, str], float]:
@@ -149,11 +154,11 @@ def _drift_figures(ins: Array, truth: Array) -> dict[tuple[str, str], float]:
     position_error = np.hypot(*(position_error - position_error[0]).T)
     turned, driven = _counted(np.unwrap(truth[:, 2])[:, None], TURN_STEP), _counted(truth[:, :2], DRIVE_STEP)
     at_turns = yaw_error[np.searchsorted(turned, np.arange(0.0, turned[-1], TURN_WINDOW))]
-    per_window = np.abs(np.diff(at_turns))
+    per_window = np.abs(np.diff(at_turns)) if len(at_turns) > 1 else np.array([np.nan])
     far = int(np.searchsorted(driven, 100.0))
     return {
-        ("INS yaw error gained per radian turned, median", "°"): _or_nan(np.median, per_window) / TURN_WINDOW,
-        ("INS yaw error gained per radian turned, mean", "°"): _or_nan(np.mean, per_window) / TURN_WINDOW,
+        ("INS yaw error gained per radian turned, median", "°"): float(np.median(per_window)) / TURN_WINDOW,
+        ("INS yaw error gained per radian turned, mean", "°"): float(np.mean(per_window)) / TURN_WINDOW,
         ("INS yaw error after 100 m", "°"): float(abs(yaw_error[far])) if far < len(truth) else np.nan,
         ("INS position error after 100 m", "m"): float(position_error[far]) if far < len(truth) else np.nan,
         ("turned per metre driven", "°"): float(np.degrees(turned[-1]) / max(driven[-1], DRIVE_STEP)),
@@ -171,10 +176,6 @@ def _counted(values: Array, least: float) -> Array:
             length[k] += stride
             anchor = values[k]
     return length
-
-
-def _or_nan(statistic: Callable[[Array], Any], values: Array) -> float:
-    return float(statistic(values)) if len(values) else np.nan
 
 
 def _motion_figures(truth: Array) -> dict[tuple[str, str], float]:
@@ -209,10 +210,11 @@ def run(options: Options) -> None:
     """Measure, compare, and print."""
     comparisons = against_simulated(options.log, options.seeds, options.scenario)
     if options.format == "json":
-        print(as_json(comparisons))
+        print(json.dumps([{**asdict(c), "bracketed": c.bracketed} for c in comparisons], indent=1))
         return
     name = "nothing real" if options.log is None else options.log.name
-    tabulate(comparisons, f"{name} beside {options.scenario}, seeds 0 to {options.seeds - 1}").print()
+    title = f"{name} beside {options.scenario}, seeds 0 to {options.seeds - 1}"
+    Table.of(comparisons, COLUMNS, title).print()
 
 
 def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Comparison]:
@@ -235,22 +237,6 @@ def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Compa
     if real is not None and real.truth is None:
         raise InputError(f"{log}: no truth, expected a recording with the robot's true poses")
     return compare(real, [simulate(CATALOGUE[scenario], seed).recording for seed in range(seeds)])
-
-
-def tabulate(comparisons: Sequence[Comparison], title: str) -> Table:
-    """A row for each figure: real, the simulated quartiles, and whether these lie around it."""
-    columns = ("figure", "unit", "real", "simulated 25 %", "50 %", "75 %", "least", "most")
-    rows = []
-    for c in comparisons:
-        values = (c.real, c.low, c.median, c.high, c.least, c.most)
-        numbers = [ABSENT if value is None else f"{value:.3g}" for value in values]
-        rows.append((c.name, c.unit, *numbers, c.bracketed or ABSENT))
-    return Table((*columns, "brackets the real one"), rows, title)
-
-
-def as_json(comparisons: Sequence[Comparison]) -> str:
-    """The figures as a JSON list."""
-    return json.dumps([{**asdict(c), "bracketed": c.bracketed} for c in comparisons], indent=1)
 
 
 if __name__ == "__main__":

@@ -124,7 +124,7 @@ def pretend(monkeypatch, *words: str) -> int:
     )
     monkeypatch.setattr(command, "bench", lambda name: lambda stages, options: result)
     monkeypatch.setattr(sys, "argv", ["bench", *words])
-    return main(command.Options, command.COMMAND, command.run)
+    return main(command.BenchmarkOptions, command.COMMAND, command.run)
 
 
 def test_the_table_has_median_range_and_machine(monkeypatch, capsys):

@@ -1,52 +1,39 @@
-"""The study as a table, as results.csv and as JSON."""
+"""The study as tables, as rows of results.csv and as JSON."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from scenarios.ablate.segmentation.findings import Findings, MeasureSummary
-from scenarios.ablate.segmentation.scores import DOWNSTREAM, SCORES, score_measure
-from scenarios.ablate.statistics import Mean, PairedDifference
-from scenarios.jsonable import jsonable
-from slam.table import ABSENT, Bold, Table, number, with_interval
+from scenarios.ablate.segmentation.findings import (
+    DECISION_SCORES,
+    SCORES,
+    Findings,
+    MeasureSummary,
+    score_measure,
+)
+from scenarios.ablate.statistics import PairedDifference
+from scenarios.jsonable import document
+from slam.table import ABSENT, Bold, Table, number
 
-COLUMNS: dict[str, tuple[str, str, int]] = {
-    "AUC": ("auc", "all steps", 3),
-    "AUC matched": ("auc_matched", "steps with a match", 3),
-    "AP": ("ap", "all steps", 3),
-    "AP matched": ("ap_matched", "steps with a match", 3),
-    "P": ("precision", "at its threshold", 2),
-    "R": ("recall", "at its threshold", 2),
-    "F1": ("f1", "at its threshold", 2),
-    "ρ error": ("spearman_error", "with the true error", 2),
-    "pieces": ("pieces", "cut into", 1),
-    "pure": ("pure", "share of scans", 2),
-    "ATE": ("log_ate", "m, geometric mean", 3),
-    "map F1": ("map_f1", "final map", 3),
-}
-"""Heading -> score, what it is of, decimals."""
-INTERVALS = ("auc_matched", "log_ate", "map_f1")
-"""Scores whose interval is printed."""
+PRINTED = {name: score for name, score in SCORES.items() if score.heading}
+COUNTS = ("steps", "lost", "steps_matched", "lost_matched")
+RESULT_COLUMNS = ("scenario", "seed", "measure", *COUNTS, *SCORES)
 
 
 def cells(line: MeasureSummary) -> list[str]:
     """A measure's numbers as printed; precision, recall and F1 are of all steps of all drives together."""
-    return [_cell(line, score, decimals) for score, _, decimals in COLUMNS.values()]
+    return [_cell(line, name) for name in PRINTED]
 
 
-def _cell(line: MeasureSummary, score: str, decimals: int) -> str:
-    if score in ("precision", "recall", "f1"):
-        return number(getattr(line.decision, score, None), decimals)
-    if score not in line.means:
+def _cell(line: MeasureSummary, name: str) -> str:
+    score = SCORES[name]
+    if name in DECISION_SCORES:
+        return number(getattr(line.decision, name, None), score.decimals)
+    if name not in line.means:
         return ABSENT
-    mean = line.means[score]
-    limits = (mean.value, mean.low, mean.high)
-    value, low, high = map(math.exp, limits) if score == "log_ate" else limits
-    return with_interval(value, low if score in INTERVALS else math.nan, high, decimals)
+    mean = line.means["log_ate"].map(math.exp) if name == "ate_rmse" else line.means[name]
+    return mean.text(score.decimals) if score.interval else number(mean.mean, score.decimals)
 
 
 def notes(findings: Findings) -> list[str]:
@@ -56,9 +43,10 @@ def notes(findings: Findings) -> list[str]:
     lost = sum(int(drive.steps.lost.sum()) for drive in drives)
     matched = sum(int(drive.steps.matched.sum()) for drive in drives)
     lost_matched = sum(int((drive.steps.lost & drive.steps.matched).sum()) for drive in drives)
+    scenarios = ", ".join(dict.fromkeys(drive.scenario for drive in drives))
     return [
-        f"{len(drives)} drives ({', '.join(findings.scenarios)}; seeds {min(seeds)} to {max(seeds)}). A step "
-        "is lost that is off by more than 0.2 m or 5°. Base rates, which AP has where nothing is known: "
+        f"{len(drives)} drives ({scenarios}; seeds {min(seeds)} to {max(seeds)}). A step is lost that is off "
+        "by more than 0.2 m or 5°. Base rates, which AP has where nothing is known: "
         f"{lost / steps:.3f} of {steps} steps, {lost_matched / max(matched, 1):.3f} of {matched} with a "
         "match.",
         "Means over drives [95 % interval: bootstrap over drives, each scenario by itself]; P, R and F1 of "
@@ -71,82 +59,53 @@ def notes(findings: Findings) -> list[str]:
 
 def findings_table(title: str, findings: Findings, verdict: Sequence[str]) -> Table:
     """A row per measure and reference; below it the notes and the verdict."""
+    headings = [score.heading for score in PRINTED.values()]
     rows = [(line.name, *cells(line)) for line in findings.lines]
-    return Table(("measure", *COLUMNS), rows, title, notes=[*notes(findings), "", *verdict])
+    return Table(("measure", *headings), rows, title, notes=[*notes(findings), "", *verdict])
 
 
 def scenario_table(findings: Findings) -> Table:
     """AUC on steps with a match by measure and scenario, the best of each scenario in bold."""
-    by_scenario, ranked = findings.by_scenario, findings.ranked()
-    best = {
-        scenario: max((mean.value for mean in means.values() if math.isfinite(mean.value)), default=None)
-        for scenario, means in by_scenario.items()
-    }
-    rows = []
-    for name in ranked:
-        means = {scenario: by_scenario[scenario][name] for scenario in findings.scenarios}
-        texts = {s: with_interval(one.value, one.low, one.high, 3) for s, one in means.items()}
-        rows.append((name, *(Bold(t) if means[s].value == best[s] else t for s, t in texts.items())))
-    return Table(("measure", *findings.scenarios), rows)
+    ranked, columns = findings.ranked(), []
+    for means in findings.by_scenario.values():
+        best = max((mean.mean for mean in means.values() if math.isfinite(mean.mean)), default=None)
+        texts = [(means[name].mean, means[name].text(3)) for name in ranked]
+        columns.append([Bold(text) if value == best else text for value, text in texts])
+    return Table(("measure", *findings.by_scenario), list(zip(ranked, *columns, strict=True)))
 
 
 def difference_table(larger: str, by: str, differences: Sequence[PairedDifference], ratios: bool) -> Table:
-    """Paired differences with their interval and corrected p; ``ratios`` are of differences of logarithms."""
+    """Significant differences with their interval and corrected p, the largest first; ``ratios`` are of
+    differences of logarithms."""
+    sure = [
+        pair if pair.difference.mean > 0.0 else pair.swapped() for pair in differences if pair.significant
+    ]
     rows = []
-    for one in differences:
-        value, low, high = one.difference.value, one.difference.low, one.difference.high
-        if ratios:
-            value, low, high = math.exp(value), math.exp(low), math.exp(high)
-        numbers = with_interval(value, low, high, 2 if ratios else 3)
-        rows.append((one.first, one.second, numbers, f"{one.adjusted:.4f}"))
+    for pair in sorted(sure, key=lambda pair: -pair.difference.mean):
+        text = pair.difference.map(math.exp).text(2) if ratios else pair.difference.text(3)
+        rows.append((pair.first, pair.second, text, f"{pair.p_holm:.4f}"))
     return Table((larger, "than", by, "p (Holm)"), rows, names=2)
 
 
-def results_csv(findings: Findings) -> str:
-    """One row per drive and measure or reference, in the drives' order; ``seconds`` come last."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    counts = ("steps", "lost", "steps_matched", "lost_matched")
-    rows.writerow(["scenario", "seed", "measure", *counts, *SCORES, *DOWNSTREAM])
+def result_rows(findings: Findings) -> Iterator[dict[str, object]]:
+    """One row of `RESULT_COLUMNS` per drive and measure or reference, in the drives' order."""
     for drive in findings.drives:
-        steps = drive.steps
-        about = [len(steps.error), steps.lost.sum(), steps.matched.sum(), (steps.lost & steps.matched).sum()]
+        lost, matched = drive.steps.lost, drive.steps.matched
+        counts = (len(lost), lost.sum(), matched.sum(), (lost & matched).sum())
         for name in dict.fromkeys([*findings.names, *drive.cuts]):
-            scores: Mapping[str, float] = score_measure(steps, name) if name in findings.names else {}
-            values = [scores.get(score) for score in SCORES]
-            values += [drive.cuts.get(name, {}).get(column) for column in DOWNSTREAM]
-            texts = ["" if value is None or math.isnan(value) else f"{value:.9g}" for value in values]
-            rows.writerow([drive.scenario, drive.seed, name, *about, *texts])
-    return text.getvalue()
+            scores: Mapping[str, float] = score_measure(drive.steps, name) if name in findings.names else {}
+            numbers = {**scores, **drive.cuts.get(name, {})}
+            texts = {key: f"{value:.9g}" for key, value in numbers.items() if not math.isnan(value)}
+            about = {"scenario": drive.scenario, "seed": drive.seed, "measure": name}
+            yield about | dict(zip(COUNTS, counts, strict=True)) | texts
 
 
 def findings_json(findings: Findings, about: Mapping[str, object], verdict: Sequence[str]) -> str:
     """The same as one object; a number that does not exist is null."""
-    measures = [
-        {
-            "measure": line.name,
-            "decision": line.decision,
-            **{score: _mean(mean) for score, mean in line.means.items()},
-        }
-        for line in findings.lines
-    ]
+    measures = [{"measure": line.name, "decision": line.decision, **line.means} for line in findings.lines]
+    families = {"auc_matched": findings.ranking, "log_ate": findings.mapping}
     pairs = {
-        family: [
-            {
-                "first": one.first,
-                "second": one.second,
-                "difference": _mean(one.difference),
-                "p": one.p,
-                "p_holm": one.adjusted,
-                "significant": one.significant,
-            }
-            for one in differences
-        ]
-        for family, differences in (("auc_matched", findings.ranking), ("log_ate", findings.mapping))
+        family: [vars(pair) | {"significant": pair.significant} for pair in differences]
+        for family, differences in families.items()
     }
-    content = {"schema": 1, **about, "verdict": verdict, "measures": measures, "comparisons": pairs}
-    return json.dumps(jsonable(content), indent=2)
-
-
-def _mean(mean: Mean) -> dict[str, float]:
-    return {"mean": mean.value, "low": mean.low, "high": mean.high, "n": mean.n}
+    return document(**about, verdict=verdict, measures=measures, comparisons=pairs)

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import io
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 
-from scenarios.ablate.segmentation.drive import LabelledDrive, steps_of
-from scenarios.evaluation.maps import f1, map_at, occupied_cells
+from scenarios.evaluation.maps import f1, map_at, occupied_cells, true_map
 from scenarios.evaluation.segmentation import purity, true_errors
 from scenarios.evaluation.trajectory import aligned
+from scenarios.source import simulated
 from scenarios.sweep import Answer, Trial
 from slam import se2
+from slam.mapping.occupancy import Grid
 from slam.odometry.dead_reckoning import DeadReckoning
+from slam.odometry.ego_motion_filter import remove_co_moving_points
 from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, lost_steps, split_at_losses
 from slam.odometry.track import Track, Verdict
-from slam.odometry.tracker import FrontendConfig, track
+from slam.odometry.tracker import MANIFOLD_SLAM, FrontendConfig, track
 from slam.recording import Recording
+from slam.scan import Scan, scans_of
 from slam.se2 import Array
 from stitch.align import align
 from stitch.mapping import MappingConfig
@@ -44,6 +48,67 @@ LEAN = replace(
     bundle=BundleConfig(neighbours=5, per_pass=2, radii=(0.4, 0.2, 0.15)),
 )
 """A third of its cost: longer pieces, fewer stitches tried, a smaller bundle."""
+
+
+@dataclass(frozen=True)
+class LabelledDrive:
+    """A recording with truth, its scans without co-moving points, the track of ManifoldSLAM's front end (ours
+    is hardly ever lost), and the map drawn with true poses."""
+
+    recording: Recording
+    scans: list[Scan]
+    track: Track
+    true_map: Grid
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The M steps of a track that were tried: ``scan (M,)``, ``error (M,)`` in units of a failure, and every
+    measure ``(M,)`` by name, +inf where nothing matched and NaN where it could not be measured."""
+
+    scan: np.ndarray
+    error: Array
+    columns: dict[str, Array]
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Steps ``(M,)`` bool that are off by more than a failure."""
+        return self.error > 1.0
+
+    @property
+    def matched(self) -> np.ndarray:
+        """Steps ``(M,)`` bool with at least one match."""
+        return np.isfinite(self.columns["neg_matches"])
+
+    def to_bytes(self) -> bytes:
+        """The steps as an .npz file."""
+        file = io.BytesIO()
+        arrays = {"scan": self.scan, "error": self.error, **self.columns}
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        return file.getvalue()
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Steps:
+        """What `to_bytes` wrote."""
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            arrays = dict(stored)
+        return cls(arrays.pop("scan"), arrays.pop("error"), arrays)
+
+
+def label_drive(scenario: str, seed: int) -> LabelledDrive:
+    """Simulate a drive and let ManifoldSLAM track it, once for all trials of the drive."""
+    recording = simulated(scenario, seed).recording
+    scans = remove_co_moving_points(recording, scans_of(recording))
+    drawn = true_map(recording)
+    assert drawn is not None
+    return LabelledDrive(recording, scans, track(recording, MANIFOLD_SLAM, scans), drawn)
+
+
+def steps_of(recording: Recording, track: Track) -> Steps:
+    """The steps of a track. Raises ``ValueError`` for a recording without truth."""
+    errors = true_errors(track, recording)
+    rows = np.flatnonzero(np.isfinite(errors))
+    return Steps(rows, errors[rows], {name: values[rows] for name, values in track.confidence.items()})
 
 
 def trials(

@@ -6,130 +6,122 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenarios.ablate.segmentation.figures import THESIS
 from scenarios.ablate.segmentation.findings import Findings
-from scenarios.ablate.segmentation.learning import COMBINED
 from scenarios.ablate.segmentation.trials import NEVER, TRUTH
-from scenarios.ablate.statistics import Mean, PairedDifference
+from scenarios.ablate.statistics import PairedDifference
+
+THESIS = ("trace2", "det2", "neg_matches")
+"""The measures of Formsma's thesis."""
+OURS = "combined"
 
 
 def verdict(findings: Findings) -> list[str]:
     """Sentences: which measure, by how much, how sure, where it does not hold, and what the map says."""
-    sentences = [
-        _best(findings),
-        _ours(findings),
-        *_where(findings),
+    ranked = findings.ranked()
+    if not ranked:
+        nothing = (
+            "No drive has both lost steps and others among those with a match: nothing can be told apart."
+        )
+        return [nothing, *_maps(findings), _own_front_end(findings)]
+    return [
+        _best(findings, *ranked),
+        *_ours(findings, [name for name in THESIS if name in ranked] if OURS in ranked else []),
+        *_where(findings, ranked[0]),
         *_maps(findings),
         _own_front_end(findings),
     ]
-    return [sentence for sentence in sentences if sentence]
 
 
-def between(differences: Sequence[PairedDifference], first: str, second: str) -> PairedDifference | None:
+def _between(differences: Sequence[PairedDifference], first: str, second: str) -> PairedDifference:
     """The difference of two measures in that order."""
-    for one in differences:
-        if (one.first, one.second) == (first, second):
-            return one
-        if (one.first, one.second) == (second, first):
-            return one.swapped()
-    return None
+    pair = next(pair for pair in differences if {pair.first, pair.second} == {first, second})
+    return pair if pair.first == first else pair.swapped()
 
 
-def _best(findings: Findings) -> str:
-    ranked = findings.ranked()
-    if not ranked:
-        return "No drive has both lost steps and others among those with a match: nothing can be told apart."
-    best = findings.line(ranked[0])
+def _best(findings: Findings, best: str, *others: str) -> str:
+    auc = findings.line(best).means["auc_matched"]
     text = (
-        f"{best.name} finds lost steps best: of the steps with a match, a lost one scores worse than another "
-        f"one in {_percent(best.means['auc_matched'])} of the cases (AUC, mean of "
-        f"{best.means['auc_matched'].n} drives)."
+        f"{best} finds lost steps best: of the steps with a match, a lost one scores worse than another one "
+        f"in {auc.map(lambda share: 100.0 * share).text(1)} % of the cases (AUC, mean of {auc.n} drives)."
     )
-    pairs = [(name, between(findings.ranking, best.name, name)) for name in ranked[1:]]
-    alike = [name for name, one in pairs if one is None or not one.significant]
+    pairs = [_between(findings.ranking, best, name) for name in others]
+    alike = [pair.second for pair in pairs if not pair.significant]
     if alike:
         return f"{text} It cannot be told apart from {_listed(alike)} on these drives."
-    if len(ranked) == 1:
+    if not pairs:
         return text
-    second = between(findings.ranking, best.name, ranked[1])
-    assert second is not None
-    return f"{text} That is surely more than any other; {ranked[1]} is next, {_describe(second)}."
+    return f"{text} That is surely more than any other; {others[0]} is next, {_described(pairs[0])}."
 
 
-def _ours(findings: Findings) -> str:
+def _ours(findings: Findings, against: Sequence[str]) -> list[str]:
     """Whether the combination beats Formsma's measures."""
-    there = [name for name in THESIS if name in findings.ranked()]
-    if COMBINED not in findings.ranked() or not there:
-        return ""
-    described, beaten = [], True
-    for name in there:
-        one = between(findings.ranking, COMBINED, name)
-        assert one is not None
-        described.append(f"{name} ({_describe(one)})")
-        beaten &= one.significant and one.difference.value > 0.0
-    if beaten:
-        return f"Our {COMBINED} measure, learnt on other scenarios, beats Formsma's: {_listed(described)}."
-    return f"Our {COMBINED} measure does not surely beat all of Formsma's: {_listed(described)}."
-
-
-def _where(findings: Findings) -> list[str]:
-    """Scenarios in which the best measure is not the best, and measures whose rank depends on where."""
-    ranked = findings.ranked()
-    if not ranked or len(findings.scenarios) < 2:
+    if not against:
         return []
-    best, sentences = ranked[0], []
+    pairs = [_between(findings.ranking, OURS, name) for name in against]
+    beaten = all(pair.significant and pair.difference.mean > 0.0 for pair in pairs)
+    beats = ", learnt on other scenarios, beats" if beaten else " does not surely beat all of"
+    described = _listed([f"{pair.second} ({_described(pair)})" for pair in pairs])
+    return [f"Our {OURS} measure{beats} Formsma's: {described}."]
+
+
+def _where(findings: Findings, best: str) -> list[str]:
+    """Scenarios in which the best measure is not the best."""
+    if len(findings.by_scenario) < 2:
+        return []
+    exceptions = []
     for scenario, means in findings.by_scenario.items():
-        there = {name: one.value for name, one in means.items() if np.isfinite(one.value)}
-        if best not in there:
-            sentences.append(f"in {scenario} no step with a match was lost, or it was not measured")
+        auc = {name: one.mean for name, one in means.items() if np.isfinite(one.mean)}
+        if best not in auc:
+            exceptions.append(f"in {scenario} no step with a match was lost, or it was not measured")
             continue
-        ahead = [name for name, value in there.items() if value > there[best]]
+        ahead = sorted((name for name in auc if auc[name] > auc[best]), key=lambda name: -auc[name])[:3]
         if ahead:
-            described = [f"{name} ({there[name]:.3f})" for name in sorted(ahead, key=lambda n: -there[n])[:3]]
-            are = "is" if len(described) == 1 else "are"
-            sentences.append(f"in {scenario} ({there[best]:.3f}) {_listed(described)} {are} ahead of it")
-    if not sentences:
-        return [f"{best} has the largest AUC in every one of the {len(findings.scenarios)} scenarios."]
-    return [f"Where that does not hold: {'; '.join(sentences)}."]
+            described = _listed([f"{name} ({auc[name]:.3f})" for name in ahead])
+            are = "is" if len(ahead) == 1 else "are"
+            exceptions.append(f"in {scenario} ({auc[best]:.3f}) {described} {are} ahead of it")
+    if not exceptions:
+        return [f"{best} has the largest AUC in every one of the {len(findings.by_scenario)} scenarios."]
+    return [f"Where that does not hold: {'; '.join(exceptions)}."]
 
 
 def _maps(findings: Findings) -> list[str]:
     """What cutting by a measure does to the final map."""
-    cutters = findings.values["ate_rmse"]
-    if NEVER not in cutters or len(cutters) < 2:
+    references = [name for name in (NEVER, TRUTH) if name in findings.values["ate_rmse"]]
+    cutters = [name for name in findings.values["ate_rmse"] if name not in references]
+    if NEVER not in references or not (cutters or TRUTH in references):
         return []
+    pairs = [_between(findings.mapping, name, NEVER) for name in cutters]
+    sure = sorted((pair for pair in pairs if pair.significant), key=lambda pair: pair.difference.mean)
     sentences = []
-    for sign, words in ((-1, "smaller"), (1, "larger")):
-        against = [between(findings.mapping, name, NEVER) for name in cutters if name not in (NEVER, TRUTH)]
-        sure = [one for one in against if one is not None and one.significant]
-        sure = [one for one in sure if np.sign(one.difference.value) == sign]
-        if sure:
-            sure.sort(key=lambda one: one.difference.value)
-            described = [f"{one.first} ({_ratio(one)})" for one in sure]
-            sentences.append(
-                f"The final map's position error is surely {words} than uncut by {_listed(described)}."
-            )
-    if not sentences:
+    for words, sign in (("smaller", -1.0), ("larger", 1.0)):
+        described = [
+            f"{pair.first} (×{pair.difference.map(np.exp).text(2)})"
+            for pair in sure
+            if sign * pair.difference.mean > 0.0
+        ]
+        if described:
+            than = f"surely {words} than uncut by {_listed(described)}"
+            sentences.append(f"The final map's position error is {than}.")
+    if not sure:
         sentences.append("No measure makes the final map surely better or worse than no cut at all.")
-    candidates = {n: findings.line(n).means["log_ate"].value for n in cutters if n not in (NEVER, TRUTH)}
-    finite = {name: value for name, value in candidates.items() if np.isfinite(value)}
-    if finite and TRUTH in cutters:
-        best = min(finite, key=lambda name: finite[name])
-        one = between(findings.mapping, best, TRUTH)
-        if one is not None:
-            how = "surely" if one.significant else "not surely"
-            sentences.append(
-                f"Of the measures, cutting by {best} leaves the smallest error; cutting just where the truth "
-                f"says differs from it by a factor of {np.exp(-one.difference.value):.2f}, {how}."
-            )
+    errors = {name: findings.line(name).means["log_ate"].mean for name in cutters}
+    finite = [name for name in cutters if np.isfinite(errors[name])]
+    if finite and TRUTH in references:
+        best = min(finite, key=errors.__getitem__)
+        pair = _between(findings.mapping, TRUTH, best)
+        sentences.append(
+            f"Of the measures, cutting by {best} leaves the smallest error; cutting just where the truth "
+            f"says differs from it by a factor of {np.exp(pair.difference.mean):.2f}, "
+            f"{'surely' if pair.significant else 'not surely'}."
+        )
     return sentences
 
 
 def _own_front_end(findings: Findings) -> str:
-    steps = sum(drive.steps_ours for drive in findings.drives)
-    lost = sum(drive.lost_ours for drive in findings.drives)
-    there = sum(len(drive.steps.error) for drive in findings.drives)
-    lost_there = sum(int(drive.steps.lost.sum()) for drive in findings.drives)
+    drives = findings.drives
+    steps, lost = sum(drive.steps_ours for drive in drives), sum(drive.lost_ours for drive in drives)
+    there = sum(len(drive.steps.error) for drive in drives)
+    lost_there = sum(int(drive.steps.lost.sum()) for drive in drives)
     return (
         f"All this is of ManifoldSLAM, Formsma's front end, lost at {lost_there} of {there} steps "
         f"({lost_there / there:.1%}). slamstitch's own was lost at {lost} of {steps} "
@@ -137,27 +129,8 @@ def _own_front_end(findings: Findings) -> str:
     )
 
 
-def _describe(one: PairedDifference) -> str:
-    d = one.difference
-    return f"{d.value:+.3f}{_bounds(d.low, d.high, '+.3f')}, p {_p(one.adjusted)}"
-
-
-def _ratio(one: PairedDifference) -> str:
-    low, value, high = np.exp([one.difference.low, one.difference.value, one.difference.high])
-    return f"×{value:.2f}{_bounds(low, high, '.2f')}"
-
-
-def _percent(mean: Mean) -> str:
-    return f"{100.0 * mean.value:.1f} %{_bounds(100.0 * mean.low, 100.0 * mean.high, '.1f')}"
-
-
-def _bounds(low: float, high: float, form: str) -> str:
-    """An interval behind its number; nothing where there is none."""
-    return f" [{low:{form}}, {high:{form}}]" if np.isfinite(low) else ""
-
-
-def _p(value: float) -> str:
-    return "< 0.001" if value < 0.001 else f"{value:.3f}"
+def _described(pair: PairedDifference) -> str:
+    return f"{pair.difference.text(3)}, p {pair.p_holm:.2g}"
 
 
 def _listed(words: Sequence[str]) -> str:

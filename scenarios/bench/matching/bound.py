@@ -8,7 +8,6 @@ sum of gᵀg / σ². The walls are known there; here they are known from another
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,23 +19,16 @@ SAME_SPOT = 1e-6
 """Ranges [m] nearer than this meet the same spot."""
 
 
-@dataclass(frozen=True)
-class Efficiency:
-    """Bound over measured, of the mean squared errors; 1 is as good as can be."""
-
-    translation: float
-    rotation: float
-
-
-def efficiency(pairs: Sequence[Pair], walls: Array, errors: Array) -> Efficiency:
-    """Efficiency of matches with ``errors (N, 3)`` m, m, rad, of pairs seen among ``walls (S, 4)``.
+def efficiency(pairs: Sequence[Pair], walls: Array, errors: Array) -> tuple[float, float]:
+    """Bound over measured mean squared errors of translation and rotation, 1 is as good as can be: of matches
+    with ``errors (N, 3)`` m, m, rad, of pairs seen among ``walls (S, 4)``.
 
     Only beams that meet what the reference sees too count in the bound: no matcher can use the others.
     """
     bounds = np.array([np.linalg.inv(pair_information(pair, walls)) for pair in pairs])
     possible = np.einsum("nii->i", bounds)
     squares = np.sum(errors**2, axis=0)
-    return Efficiency(float(possible[:2].sum() / squares[:2].sum()), float(possible[2] / squares[2]))
+    return float(possible[:2].sum() / squares[:2].sum()), float(possible[2] / squares[2])
 
 
 def pair_information(pair: Pair, walls: Array) -> Array:

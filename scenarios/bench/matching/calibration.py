@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenarios.bench.matching.bound import Efficiency, efficiency
 from scenarios.bench.matching.matchers import DEFAULT, Variant
 from scenarios.bench.matching.pairs import APART, Pair, look
 from scenarios.bench.matching.scores import match_all, matches_and_errors
@@ -47,7 +46,6 @@ class Trials:
     """Matches of pairs from one place: ``errors (N, 3)`` and ``covariances (N, 3, 3)`` about the second pose,
     along the world's axes."""
 
-    pairs: tuple[Pair, ...]
     errors: Array
     covariances: Array
 
@@ -67,10 +65,6 @@ class Trials:
         solved = np.linalg.solve(self.covariances, self.errors[..., None])[..., 0]
         return float(np.mean(np.sum(self.errors * solved, axis=1)) / 3.0)
 
-    def efficiency(self, walls: Array) -> Efficiency:
-        """How near the errors are to the Cramér–Rao bound."""
-        return efficiency(self.pairs, walls, self.errors)
-
 
 def pairs_at(place: str, count: int, rng: np.random.Generator) -> tuple[Pair, ...]:
     """Pairs from a place of `PLACES`: the same first pose, every time with other noise and another second."""
@@ -88,11 +82,8 @@ def trials(variant: Variant, pairs: Sequence[Pair], guesses: Array) -> Trials:
     matched, errors = matches_and_errors(pairs, results)
     turns = np.array([turned(pair.poses[1, 2]) for pair, _ in matched]).reshape(-1, 3, 3)
     covariances = np.array([match.covariance for _, match in matched]).reshape(-1, 3, 3)
-    return Trials(
-        tuple(pair for pair, _ in matched),
-        np.einsum("nij,nj->ni", turns, errors),
-        turns @ covariances @ np.swapaxes(turns, 1, 2),
-    )
+    along = np.einsum("nij,nj->ni", turns, errors)
+    return Trials(along, turns @ covariances @ np.swapaxes(turns, 1, 2))
 
 
 def seeded(pairs: Sequence[Pair], rng: np.random.Generator) -> Array:

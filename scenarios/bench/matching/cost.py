@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,28 +35,20 @@ RUNS = 3
 """Repetitions of the front end."""
 
 
-@dataclass(frozen=True)
-class MatchTimes:
-    """Median processor time [ms] of a match."""
-
-    scans: float
-    """From two scans, as the scores have it."""
-    ready: float
-    """Both scans prepared before (index, covariances)."""
-    ranges: float
-    """From what the laser says, points and all that is read from them included."""
-
-
 def match_times(
     matchers: Mapping[str, Matcher], pairs: Sequence[Pair], guesses: Array
-) -> dict[str, MatchTimes]:
-    """Times of all matchers, which take turns pair by pair so that what else the machine does meets all."""
+) -> dict[str, dict[str, float]]:
+    """Median processor time [ms] of each matcher's matches by what is counted: from two "scans", as the
+    scores have it; "ready" prepared before (index, covariances); from "ranges", points included.
+
+    They take turns pair by pair, so that what else the machine does meets all.
+    """
     taken: dict[str, list[tuple[float, float, float]]] = {name: [] for name in matchers}
     for pair, guess in zip(pairs, guesses, strict=True):
         for name, matcher in matchers.items():
             taken[name].append(_timed(matcher, replace(pair), guess))  # a copy, whose scans are not read yet
-    medians = {name: 1e3 * np.median(rows, axis=0) for name, rows in taken.items()}
-    return {name: MatchTimes(float(m[0]), float(m[1]), float(m[2])) for name, m in medians.items()}
+    medians = {name: (1e3 * np.median(rows, axis=0)).tolist() for name, rows in taken.items()}
+    return {name: dict(zip(("scans", "ready", "ranges"), ms, strict=True)) for name, ms in medians.items()}
 
 
 def _timed(matcher: Matcher, pair: Pair, guess: Array) -> tuple[float, float, float]:
@@ -121,9 +113,8 @@ def memory(stages: Stages, rng: np.random.Generator) -> list[Figure]:
     if few is None or many is None:
         return []
     growth = 1024.0 * (many - few) / (LONG - SHORT)
-    return [
-        Figure("memory per further scan", "kB", (growth,), f"peak of the front end, {SHORT} to {LONG} scans")
-    ]
+    note = f"peak of the front end, {SHORT} to {LONG} scans"
+    return [Figure("memory per further scan", "kB", (growth,), note)]
 
 
 def round_and_round(count: int, rng: np.random.Generator) -> Recording:

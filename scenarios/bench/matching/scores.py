@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest, chi2
 
 from scenarios.bench.matching.pairs import Pair
 from slam import se2
@@ -91,8 +92,6 @@ def measure(matcher: Matcher, pairs: Sequence[Pair], guesses: Array) -> Score:
 
 def score(pairs: Sequence[Pair], results: Sequence[Result], seconds: Array) -> Score:
     """Score one result per pair. Raises ``ValueError`` when there are no pairs."""
-    from scipy.stats import binomtest, chi2
-
     if not pairs:
         raise ValueError("expected at least one pair")
     n = len(pairs)
@@ -122,10 +121,9 @@ def matches_and_errors(
 ) -> tuple[list[tuple[Pair, PoseEstimate | Match]], Array]:
     """Pairs that were matched, with the match, and ξ ``(N, 3)`` with T_true = T̂ ∘ exp(ξ): the tangent space a
     match's covariance is in."""
-    matched = [
-        (p, result) for p, result in zip(pairs, results, strict=True) if not isinstance(result, NoMatch)
-    ]
-    errors = [se2.log(se2.between(match.T_reference_scan, p.T_reference_scan)) for p, match in matched]
+    both = zip(pairs, results, strict=True)
+    matched = [(pair, result) for pair, result in both if not isinstance(result, NoMatch)]
+    errors = [se2.log(se2.between(match.T_reference_scan, pair.T_reference_scan)) for pair, match in matched]
     return matched, np.array(errors).reshape(-1, 3)
 
 

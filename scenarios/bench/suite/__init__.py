@@ -7,17 +7,12 @@ docstring says what it measures.
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable
 from importlib import import_module
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from scenarios.bench.result import BenchmarkOptions, BenchmarkResult
-    from scenarios.stages import Stages
+from typing import Any
 
 BENCHES: tuple[str, ...] = tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
 
 
-def bench(name: str) -> Callable[[Stages, BenchmarkOptions], BenchmarkResult]:
+def bench(name: str) -> Any:
     """The function that runs a bench."""
     return import_module(f"{__name__}.{name}").run
