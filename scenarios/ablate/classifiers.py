@@ -31,8 +31,7 @@ def require(module: str = "") -> Any:
 
 
 def fit_logistic(features: Array, positive: np.ndarray, weights: Array | None = None) -> tuple[Array, float]:
-    """Weights ``(F,)`` and bias of a logistic regression on ``features (n, F)``: the least sum of log-losses,
-    by examples' ``weights (n,)``, and half the squared sum of the weights."""
+    """Weights ``(F,)`` and bias of an L2-penalised logistic regression on ``features (n, F)``."""
     model = require("linear_model").LogisticRegression(C=1.0, tol=1e-8, max_iter=10_000)
     model.fit(features, positive, sample_weight=weights)
     return model.coef_[0], float(model.intercept_[0])

@@ -51,10 +51,7 @@ def inject_false_stitches(
 def draw_false_stitch(
     poses: Array, true: Sequence[Stitch], rng: np.random.Generator
 ) -> tuple[tuple[int, int], Stitch]:
-    """A stitch of two submaps drawn by chance, off by `OFFSET` from where ``poses (K, 3)`` have them.
-
-    It claims the covariance of one of the ``true`` stitches.
-    """
+    """A stitch of two drawn submaps, `OFFSET` off ``poses (K, 3)`` and as sure as one of the ``true``."""
     a, b = sorted(rng.choice(len(poses), 2, replace=False).tolist())
     distance, (bearing, yaw) = rng.uniform(*OFFSET), rng.uniform(-np.pi, np.pi, 2)
     offset = np.array([distance * np.cos(bearing), distance * np.sin(bearing), yaw])

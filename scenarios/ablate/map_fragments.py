@@ -23,8 +23,7 @@ PER_DRIVE = 14
 LOST = SegmentationConfig(rule="zero_run", run=10)
 """A fragment does not span this many scans in a row without a match."""
 MOST_WARP = (0.15, np.radians(1.0))
-"""Largest deformation (m, rad) of a fragment that is kept: two that are bent more may differ by the tolerance
-of a correct alignment, and then no alignment is correct."""
+"""Largest deformation (m, rad) of a fragment that is kept: beyond, no alignment of two need be correct."""
 CELL = 0.2
 """Side of the world cells [m] in which overlap is counted."""
 
@@ -47,11 +46,8 @@ class MapFragment:
 def cut_fragments(
     recording: Recording, rng: np.random.Generator, length: tuple[float, float] = LENGTH
 ) -> tuple[list[MapFragment], int]:
-    """Random fragments of a drive, and how many were left out as bent beyond `MOST_WARP`.
-
-    ``length``: distance driven for the shortest and the longest [m]. Raises ``ValueError``
-    for a recording without truth.
-    """
+    """Random fragments of a drive, and how many were left out as bent beyond `MOST_WARP`; ``length``: [m] of
+    drive for the shortest and the longest. Raises ``ValueError`` for a recording without truth."""
     if recording.truth is None:
         raise ValueError(f"{recording.name}: expected a recording with truth")
     scans = scans_of(recording)

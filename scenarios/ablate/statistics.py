@@ -121,10 +121,7 @@ def _limits(
 def compare_pairs(
     table: Mapping[str, Array], strata: Sequence[str], rng: np.random.Generator
 ) -> list[PairedDifference]:
-    """All pairs of ``table``, name -> values ``(n,)`` of the same drives, as one family.
-
-    Corrected by Holm (1979). ``strata (n,)`` as in `mean_interval`.
-    """
+    """All pairs of ``table``, name -> values ``(n,)`` of the same drives, one family of Holm (1979)."""
     compared = []
     for first, second in combinations(table, 2):
         differences = table[first] - table[second]
@@ -134,8 +131,7 @@ def compare_pairs(
 
 
 def signed_rank_p(differences: Array) -> float:
-    """Two-sided p of paired ``differences (n,)`` by Wilcoxon's signed-rank test; 1 where none is other than
-    zero. NaN are left out."""
+    """Two-sided p of Wilcoxon's signed-rank test of ``differences (n,)`` but NaN; 1 where all are zero."""
     different = differences[np.isfinite(differences) & (differences != 0.0)]
     return float(wilcoxon(different).pvalue) if len(different) else 1.0
 

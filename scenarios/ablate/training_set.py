@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Self
@@ -13,6 +12,7 @@ from scipy.optimize import minimize_scalar
 from scenarios.ablate.classifiers import fit_logistic
 from scenarios.ablate.pair_sampling import STRANGERS, SubmapPair
 from scenarios.ablate.study.stitching import draw_prior, is_right
+from scenarios.ablate.trial_io import pack, unpack
 from slam.se2 import Array
 from stitch.alignment.acceptance import features
 from stitch.alignment.config import AlignConfig
@@ -38,15 +38,12 @@ class Columns:
 
     def to_bytes(self) -> bytes:
         """The table as an .npz file."""
-        buffer = io.BytesIO()
-        np.savez_compressed(buffer, allow_pickle=False, **vars(self))
-        return buffer.getvalue()
+        return pack(vars(self))
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Self:
         """What `to_bytes` wrote."""
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            return cls(**arrays)
+        return cls(**unpack(content))
 
     def where(self, rows: np.ndarray) -> Self:
         """The rows ``(n,)`` bool."""
@@ -127,8 +124,7 @@ def _search(
 
 
 def collect_samples(pairs: Sequence[SubmapPair], guided: bool, rng: np.random.Generator) -> Dataset:
-    """The likeliest alignments of pairs, with priors drawn by ``rng`` where ``guided``; pairs for which the
-    search has no candidate are left out."""
+    """The likeliest alignments of pairs, if any, with priors drawn by ``rng`` where ``guided``."""
     config, rows = AlignConfig(), []
     for pair in pairs:
         prior = draw_prior(pair.T_a_b, rng) if guided else None
@@ -152,9 +148,8 @@ def collect_samples(pairs: Sequence[SubmapPair], guided: bool, rng: np.random.Ge
 
 
 def fit_likelihood(alignments: CountedAlignments) -> tuple[Array, Array, float]:
-    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of
-    `stitch.alignment.likelihood.overlap_log_odds`, from alignments without a prior: a logistic regression on
-    the features over their standard deviations."""
+    """Weights ``(2, 3, 7)``, ``(3,)`` and the constant of `stitch.alignment.likelihood.overlap_log_odds`, by
+    logistic regression on the features of alignments without a prior over their standard deviations."""
     scale = alignments.features.std(axis=0) + SPREAD
     weights, bias = fit_logistic(alignments.features / scale, alignments.right)
     by_count, by_gap = np.split(weights / scale, [-3])

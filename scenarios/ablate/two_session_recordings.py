@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from scenarios.ablate.random_streams import stream
+from scenarios.ablate.trial_io import stream
 from scenarios.catalogue.building import start
 from sim.driver import resample
 from sim.floorplan import Prism
@@ -31,10 +31,7 @@ TRIES = 12
 
 
 def record_two_sessions(scenario: Buildable, seed: int, moved: bool) -> tuple[SimulatedRun, SimulatedRun]:
-    """A drive through a scenario, and one back along its route; between them half its furniture is ``moved``.
-
-    The same arguments give the same bytes.
-    """
+    """A drive through a scenario, and one back along its route; between them furniture may be ``moved``."""
     rng = stream(seed, scenario.name, "sessions")
     building, moving, *streams = rng.spawn(8)
     first = scenario.build(building)
@@ -50,10 +47,8 @@ def _record(name: str, setup: Setup, streams: Sequence[np.random.Generator]) -> 
 
 
 def rearrange(prisms: tuple[Prism, ...], route: Array, rng: np.random.Generator) -> tuple[Prism, ...]:
-    """The prisms with `SHARE_MOVED` of the furniture moved and turned, within its rooms.
-
-    ``route (P, 2)`` m stays clear. Furniture that finds no other place is removed.
-    """
+    """The prisms with `SHARE_MOVED` of the furniture moved within its rooms, off the ``route (P, 2)`` m, or
+    removed where there is no other place."""
     pieces = _furniture(prisms)
     outlines = [_outline(prism) for prism in prisms]
     new = list(prisms)

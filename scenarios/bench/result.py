@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from scenarios.bench.suite import BENCHES
-from scenarios.jsonable import document
 from slam.table import Columns, Table
 
 Call = Callable[[], object]
@@ -76,8 +75,7 @@ class BenchmarkResult:
 def time_calls(calls: Mapping[str, Call], repetitions: int) -> dict[str, tuple[float, ...]]:
     """Processor time [s] of every call in every repetition, after one that is not counted (it may compile).
 
-    On an idle core that is the wall time; on a shared one it leaves out the turns of others. The calls take
-    turns, so that whatever else the machine does meets all of them.
+    The calls take turns, so that whatever else the machine does meets all of them.
     """
     seconds: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
@@ -126,6 +124,8 @@ def print_result(name: str, result: BenchmarkResult, machine: Machine) -> None:
 
 def results_json(results: Mapping[str, BenchmarkResult], machine: Machine) -> str:
     """Every bench's figures with all their repetitions, its records and notes, and the machine."""
+    from scenarios.jsonable import document
+
     return document(
         environment=machine,
         benches={

@@ -23,10 +23,7 @@ SEED = 0
 
 @dataclass(frozen=True)
 class Score:
-    """What one number of a measure on a drive, or of a drive that it cut, ``meaning`` is.
-
-    Printed under its ``heading``, if it has one, with so many ``decimals``, and with its interval or without.
-    """
+    """One number of a measure on a drive, or of a drive that it cut; printed where it has a ``heading``."""
 
     meaning: str
     heading: str = ""
@@ -89,8 +86,7 @@ def collect_drives(answered: Sequence[tuple[Trial, Answer]]) -> list[ScoredDrive
 
 
 def decision(steps: Steps, name: str) -> Decision | None:
-    """The steps that a measure calls lost at its threshold against those that were; None where it has no
-    threshold or was not measured."""
+    """What a measure calls lost at its threshold against what was; None without threshold or values."""
     values = steps.columns[name]
     if name not in THRESHOLDS or np.isnan(values).any():
         return None
@@ -146,7 +142,7 @@ def correlations(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Array:
 @dataclass(frozen=True)
 class MeasureSummary:
     """One measure, or a reference that cuts, over all drives: means by score, "log_ate" that of the logarithm
-    of ``ate_rmse``, and its decisions together."""
+    of ``ate_rmse``, and the decisions of all drives together, None where it has none."""
 
     name: str
     means: Mapping[str, Mean]
@@ -189,7 +185,9 @@ def analyse(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Findings:
         columns = {score: by_name[name] for score, by_name in values.items() if name in by_name}
         columns |= {"log_ate": logs[name]} if name in logs else {}
         means = {score: mean_interval(column, strata, rng) for score, column in columns.items()}
-        lines.append(MeasureSummary(name, means, _pooled_decision(drives, name)))
+        decisions = [] if name in (NEVER, TRUTH) else [decision(drive.steps, name) for drive in drives]
+        made = [one for one in decisions if one is not None]
+        lines.append(MeasureSummary(name, means, sum(made[1:], made[0]) if made else None))
     scored = {name: values["auc_matched"][name] for name in names if name not in RULES}
     measured = {name: column for name, column in scored.items() if np.isfinite(column).any()}
     by_scenario = {}
@@ -208,14 +206,6 @@ def analyse(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Findings:
         tuple(compare_pairs(measured, strata, rng)),
         tuple(compare_pairs(logs, strata, rng)),
     )
-
-
-def _pooled_decision(drives: Sequence[ScoredDrive], name: str) -> Decision | None:
-    """The decisions of all drives together; None where a measure has none."""
-    if name in (NEVER, TRUTH):
-        return None
-    made = [one for drive in drives if (one := decision(drive.steps, name)) is not None]
-    return sum(made[1:], made[0]) if made else None
 
 
 def _order(line: MeasureSummary) -> tuple[int, float]:

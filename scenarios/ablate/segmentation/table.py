@@ -75,8 +75,7 @@ def scenario_table(findings: Findings) -> Table:
 
 
 def difference_table(larger: str, by: str, differences: Sequence[PairedDifference], ratios: bool) -> Table:
-    """Significant differences with their interval and corrected p, the largest first; ``ratios`` are of
-    differences of logarithms."""
+    """Significant differences, the largest first; ``ratios`` are of differences of logarithms."""
     sure = [
         pair if pair.difference.mean > 0.0 else pair.swapped() for pair in differences if pair.significant
     ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from scenarios.ablate.trial_io import pack, unpack
 from scenarios.evaluation.maps import f1, map_at, occupied_cells, true_map
 from scenarios.evaluation.segmentation import purity, true_errors
 from scenarios.evaluation.trajectory import aligned
@@ -82,16 +82,12 @@ class Steps:
 
     def to_bytes(self) -> bytes:
         """The steps as an .npz file."""
-        file = io.BytesIO()
-        arrays = {"scan": self.scan, "error": self.error, **self.columns}
-        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-        return file.getvalue()
+        return pack({"scan": self.scan, "error": self.error, **self.columns})
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Steps:
         """What `to_bytes` wrote."""
-        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-            arrays = dict(stored)
+        arrays = unpack(data)
         return cls(arrays.pop("scan"), arrays.pop("error"), arrays)
 
 
@@ -115,11 +111,8 @@ def trials(
     scenarios: Sequence[str], seeds: Sequence[int], cutters: Sequence[str], thorough: bool
 ) -> list[Trial]:
     """For every drive its detection, and a map for every cutter."""
-    listed = []
-    for scenario, seed in product(scenarios, seeds):
-        listed.append(Trial(STUDY, scenario, seed, DETECTION))
-        listed += [Trial(STUDY, scenario, seed, cutter, {"thorough": thorough}) for cutter in cutters]
-    return listed
+    methods = [(DETECTION, {}), *((cutter, {"thorough": thorough}) for cutter in cutters)]
+    return [Trial(STUDY, *drive, *method) for drive in product(scenarios, seeds) for method in methods]
 
 
 def run_trial(trial: Trial, drive: LabelledDrive) -> Answer:
@@ -137,7 +130,7 @@ def detect_failures(drive: LabelledDrive) -> Answer:
 
 def map_cut_drive(trial: Trial, drive: LabelledDrive) -> Answer:
     """The segments that a cutter makes of the drive, the map that slamstitch makes of them, and its processor
-    time [s]."""
+    time [s]; of the metrics of `scenarios.evaluation` only two, as the others would cost as much again."""
     recording, track = drive.recording, drive.track
     assert recording.truth is not None
     lost = predict_failures(drive, trial.method)
@@ -145,19 +138,12 @@ def map_cut_drive(trial: Trial, drive: LabelledDrive) -> Answer:
     started = time.process_time()
     poses = map_with_cuts(drive, lost, THOROUGH if trial.config["thorough"] else LEAN)
     seconds = time.process_time() - started
-    pieces = {"pieces": sound.count, "kept": sound.kept, "pure": sound.pure, "drift": sound.drift}
-    return Answer([{**trajectory_scores(poses, drive), **pieces, "seconds": seconds}])
-
-
-def trajectory_scores(poses: Array, drive: LabelledDrive) -> dict[str, float]:
-    """``ate_rmse`` [m] and ``map_f1`` of poses ``(N, 3)`` as `scenarios.evaluation` has them, without its
-    other metrics, which would cost as much again."""
-    recording = drive.recording
-    assert recording.truth is not None
     best = aligned(poses, recording.truth)
     squared = np.sum((best - recording.truth)[:, :2] ** 2, axis=1)
-    cells = occupied_cells(map_at(recording, best))
-    return {"ate_rmse": float(np.sqrt(squared.mean())), "map_f1": f1(cells, occupied_cells(drive.true_map))}
+    right = f1(occupied_cells(map_at(recording, best)), occupied_cells(drive.true_map))
+    scores = {"ate_rmse": float(np.sqrt(squared.mean())), "map_f1": right, "seconds": seconds}
+    pieces = {"pieces": sound.count, "kept": sound.kept, "pure": sound.pure, "drift": sound.drift}
+    return Answer([pieces | scores])
 
 
 def predict_failures(drive: LabelledDrive, cutter: str) -> np.ndarray:
@@ -177,8 +163,7 @@ def segments_from(track: Track, lost: np.ndarray) -> tuple[Segment, ...]:
 
 
 def splice_dead_reckoning(recording: Recording, track: Track, lost: np.ndarray) -> Track:
-    """The track with dead reckoning in place of the ``lost (N,)`` steps; every other step stays as the front
-    end accepted it."""
+    """The track with dead reckoning in place of the ``lost (N,)`` steps, as it was at the others."""
     reckoning = DeadReckoning(recording)
     poses, steps = track.poses.copy(), se2.between(track.poses[track.reference], track.poses)
     last = 0

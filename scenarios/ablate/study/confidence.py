@@ -54,11 +54,8 @@ def measure_steps(trial: Trial, drive: LabelledDrive) -> Answer:
 
 
 def fit_combination(examples: Examples) -> tuple[dict[str, float], float]:
-    """Weights and bias of the combination, by logistic regression on the standardised measures of the
-    steps with a match.
-
-    Every scenario weighs alike, however many steps it has. Raises ``ValueError`` where none or all are lost.
-    """
+    """Weights and bias of the combination by logistic regression on the standardised measures of steps with a
+    match, scenarios weighing alike. Raises ``ValueError`` where none or all are lost."""
     features, lost, weights = [], [], []
     for drives in examples.values():
         total = sum(int(steps.matched.sum()) for steps in drives)
@@ -85,8 +82,7 @@ def combined(steps: Steps, weights: Mapping[str, float], bias: float) -> Array:
 
 
 def learn_thresholds(examples: Examples, weights: Mapping[str, float], bias: float) -> dict[str, float]:
-    """The threshold of the best F1 over all steps, of every measure that was measured; scenarios weigh
-    alike."""
+    """The threshold of the best F1 over all steps, of each measure that was measured; scenarios alike."""
     best = {}
     for name in MEASURES:
         if name in RULES:

@@ -101,10 +101,8 @@ def run(options: HalmstadOptions) -> None:
 
 @dataclass(frozen=True)
 class AnnotatedPair:
-    """Two maps by name, and the rigid transform ``T_a_b (3,)`` m that their annotations fit best.
-
-    ``middle_b (2,)`` m is the middle of b's annotated keypoints, ``residual`` their rms error in pixels.
-    """
+    """Two maps and the rigid ``T_a_b (3,)`` m that their annotations fit best; ``middle_b (2,)`` m is the
+    middle of b's keypoints, ``residual`` their rms error in pixels."""
 
     a: str
     b: str
@@ -160,10 +158,8 @@ def _fit(a: str, b: str, pixels_a: Array, pixels_b: Array) -> AnnotatedPair:
 
 
 def read_map(path: Path, resolution: float = RESOLUTION, walls_only: bool = False) -> Submap:
-    """A picture as a submap, the origin of its frame in the lower left corner of the picture.
-
-    Where it shows ``walls_only``, white is unknown, not free. Raises `InputError` for what is no picture.
-    """
+    """A picture as a submap, its frame in the lower left corner; white is unknown where it shows
+    ``walls_only``. Raises `InputError` for what is no picture."""
     import cv2
 
     grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
@@ -205,8 +201,7 @@ def align_annotated(folder: Path, methods: Sequence[str]) -> list[AnnotatedResul
 
 
 def align_pieces(folder: Path, methods: Sequence[str]) -> list[tuple[PiecesResult, Array | None]]:
-    """Results on the two pieces of Experiment 3, each with the pose ``(3,)`` of the second in the first; None
-    without a candidate."""
+    """Results on the two pieces, each with the second's pose ``(3,)`` in the first, if it has a candidate."""
     a, b = read_pieces(folder)
     results = []
     for method in methods:

@@ -9,9 +9,9 @@ import numpy as np
 from scenarios.ablate.classifiers import require
 from scenarios.ablate.options import LikenessOptions
 from scenarios.ablate.pair_sampling import training_pairs
-from scenarios.ablate.random_streams import stream
 from scenarios.ablate.study.stitching import draw_prior
 from scenarios.ablate.training_set import CountedAlignments, fit_likelihood, fit_prior_offset
+from scenarios.ablate.trial_io import stream
 from scenarios.sweep import Answer, Trial, finish
 from slam.cli import InputError
 from stitch.alignment.config import AlignConfig

@@ -83,11 +83,8 @@ def checked(options: MethodsOptions) -> tuple[list[str], list[int], tuple[Method
 
 @dataclass(frozen=True)
 class MethodVariant:
-    """A method under the ``name`` that tables call it by.
-
-    ``back_end`` and the share of stitches ``injected`` are read by our method only; ``clean`` names the same
-    variant without injection, None where nothing is injected.
-    """
+    """A method under the ``name`` that tables call it by; ``back_end`` and the share of stitches ``injected``
+    are read by ours only; ``clean`` names the variant without injection, None where nothing is injected."""
 
     name: str
     method: str
@@ -207,11 +204,8 @@ class MethodSummary:
 
 @dataclass(frozen=True)
 class PairedRatio:
-    """``method`` against ``against`` on the same drives: ratios of `ERROR`, below 1 where it is better.
-
-    The median ratio with its 95 % interval (bootstrap over the drives, NaN of a single one), the share of
-    drives on which it is better, and the worst drive.
-    """
+    """``method`` against ``against`` on the same drives: the median of the ratios of `ERROR` with its 95 %
+    bootstrap interval, the share of drives on which it is better (below 1), and the worst drive."""
 
     scenario: str
     method: str
@@ -303,7 +297,11 @@ def compare_methods(
         for method, against in _couples(variants):
             own, other = errors[method], errors[against]
             if ratios := {drive: own[drive] / other[drive] for drive in own if drive in other}:
-                compared.append(_ratio(scenario, method, against, ratios, rng))
+                values = np.array(list(ratios.values()))
+                about = scenario, method, against, len(values)
+                median, interval = float(np.median(values)), median_interval(values, rng)
+                better, worst = float(np.mean(values < 1.0)), _worst(ratios, 1.0)
+                compared.append(PairedRatio(*about, median, interval, better, *worst))
     return compared
 
 
@@ -315,14 +313,6 @@ def _couples(variants: Sequence[MethodVariant]) -> Iterator[tuple[str, str]]:
         if set(BETTER_OF) <= {variant.name for variant in variants}:
             yield ours, BETTER
     yield from ((one.name, one.clean) for one in variants if one.clean is not None)
-
-
-def _ratio(
-    scenario: str, method: str, against: str, by_drive: Values, rng: np.random.Generator
-) -> PairedRatio:
-    ratios = np.array(list(by_drive.values()))
-    about = scenario, method, against, len(ratios), float(np.median(ratios)), median_interval(ratios, rng)
-    return PairedRatio(*about, float(np.mean(ratios < 1.0)), *_worst(by_drive, 1.0))
 
 
 def _worst_text(one: MethodSummary, value: float, drive: str, decimals: int) -> str:

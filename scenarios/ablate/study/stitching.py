@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from itertools import product
 from typing import Literal
@@ -19,11 +19,11 @@ from scenarios.ablate.pair_sampling import (
     PairSample,
     SubmapPair,
     bins_of,
-    pairs_of_building,
     quota_of,
+    sample_pairs,
 )
-from scenarios.ablate.random_streams import stream
 from scenarios.ablate.statistics import NAN, Proportion
+from scenarios.ablate.trial_io import stream
 from scenarios.jsonable import document
 from scenarios.options import parse_names
 from scenarios.sweep import Answer, Failure, SweepResult, Trial, finish, write_results
@@ -83,12 +83,8 @@ class BuildingResult:
 
 @dataclass(frozen=True)
 class BinSummary:
-    """One method in one bin: proportions of all pairs, but ``false`` of the ``accepted``; median processor
-    time in s.
-
-    ``anees`` is that of the right alignments, divided by 3 (a false one is beyond any covariance); NaN where
-    none has a covariance.
-    """
+    """One method in one bin: proportions of all pairs, but ``false`` of the ``accepted``; ``anees`` is that
+    of the right alignments / 3 (a false one is beyond any covariance), NaN where none has a covariance."""
 
     method: str
     bin: str
@@ -126,7 +122,7 @@ def run(options: StitchingOptions) -> None:
     swept = options.sweep(
         trials(buildings, methods, bins, options.length),
         run_trial,
-        prepare=partial(pairs_of_building, most=options.pairs, length=options.length),
+        prepare=partial(sample_pairs, most=options.pairs, length=options.length),
         each=bins.take,
     )
     results = truncate_to_quota(swept, options.pairs)
@@ -150,12 +146,12 @@ def run(options: StitchingOptions) -> None:
     finish(swept, options.store)
 
 
+@dataclass
 class BinCounts:
     """How many pairs each bin has, of the ``most`` that it takes."""
 
-    def __init__(self, most: int) -> None:
-        self.most = most
-        self.counts: Counter[str] = Counter()
+    most: int
+    counts: Counter[str] = field(default_factory=Counter)
 
     def is_open(self, scenario: str) -> bool:
         """Whether a building of the scenario may still help to fill a bin."""
@@ -178,8 +174,7 @@ class BinCounts:
 def trials(
     buildings: Sequence[tuple[str, int]], methods: Sequence[str], bins: BinCounts, length: tuple[float, float]
 ) -> Iterator[Trial]:
-    """For every building (scenario, seed) that may help to fill a bin when its turn comes: its pairs, and
-    every method's results, with a prior as well where it is `WITH_PRIOR`.
+    """For every building (scenario, seed) that may still fill a bin: its pairs, and every method's results.
 
     ``length``: distance driven for the shortest and the longest submap [m].
     """
@@ -205,8 +200,7 @@ def run_trial(trial: Trial, sample: PairSample) -> Answer:
 
 
 def align_pairs(pairs: Sequence[SubmapPair], name: str, method: str, guided: bool) -> list[AlignmentRow]:
-    """A method's row for each pair under the ``name`` of its variant; where it is ``guided`` by a prior, the
-    prior's error is the pair's own."""
+    """A row for each pair under the ``name`` of the variant; if ``guided``, each pair has its own prior."""
     config = AlignConfig(method=method)
     if pairs:
         align(pairs[0].a, pairs[0].b, None, config)  # load its kernels before its time is taken
@@ -273,7 +267,7 @@ def map_size(grid: Grid) -> tuple[float, float]:
 
 def truncate_to_quota(swept: SweepResult, most: int) -> list[BuildingResult]:
     """Results of the buildings that helped to fill a bin, in their order, without the pairs beyond ``most``
-    in a bin: they do not depend on how many surplus pairs parallel workers computed."""
+    in a bin: the same however many surplus pairs parallel workers computed."""
     bins, results = BinCounts(most), list[BuildingResult]()
     by_building: dict[tuple[str, int], list[Answer]] = {}
     for trial, result in swept.answered:
@@ -289,26 +283,20 @@ def truncate_to_quota(swept: SweepResult, most: int) -> list[BuildingResult]:
     return results
 
 
-def summarise(rows: Sequence[AlignmentRow], bins: Iterable[str]) -> list[BinSummary]:
+def summarise(rows: Sequence[AlignmentRow], bins: Collection[str]) -> list[BinSummary]:
     """A summary per method and bin that has pairs, and one over all bins for each method."""
-    bins, summaries = list(bins), []
+    summaries = []
     for variant in dict.fromkeys(row.variant for row in rows):
         own = [row for row in rows if row.variant == variant]
         parts = {name: [row for row in own if row.bin == name] for name in bins} | {ALL: own}
-        summaries += [_summary(variant, name, part) for name, part in parts.items() if part]
+        for name, part in parts.items():
+            if part:
+                counts = count_outcomes([row.outcome for row in part])
+                seconds = float(np.median([row.seconds for row in part]))
+                nees = [row.nees for row in part if row.outcome == "right" and np.isfinite(row.nees)]
+                anees = float(np.mean(nees)) / 3.0 if nees else NAN
+                summaries.append(BinSummary(variant, name, len(part), *counts, seconds, anees))
     return summaries
-
-
-def _summary(variant: str, name: str, rows: Sequence[AlignmentRow]) -> BinSummary:
-    nees = np.array([row.nees for row in rows if row.outcome == "right" and np.isfinite(row.nees)])
-    return BinSummary(
-        variant,
-        name,
-        len(rows),
-        *count_outcomes([row.outcome for row in rows]),
-        median_s=float(np.median([row.seconds for row in rows])),
-        anees=float(nees.mean()) / 3.0 if len(nees) else NAN,
-    )
 
 
 def count_outcomes(outcomes: Sequence[str]) -> tuple[int, Proportion, Proportion, Proportion]:

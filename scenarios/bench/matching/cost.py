@@ -103,8 +103,7 @@ def front_end(data: Path) -> list[Figure]:
 
 
 def memory(stages: Stages, rng: np.random.Generator) -> list[Figure]:
-    """Memory [kB] that each further scan of a long drive costs, its answer included; nothing where the
-    system does not tell."""
+    """Memory [kB] of each further scan of a long drive; nothing where the system does not tell."""
     short, long = (round_and_round(count, rng) for count in (SHORT, LONG))
     for recording in (short, long):
         with stages.stage(f"{len(recording)} scans"):

@@ -27,8 +27,7 @@ large (10¹²) that its smaller directions are lost to rounding; those then clai
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """Where a matcher puts a scan ``(3,)``, and the covariance ``(3, 3)`` it claims, None if it claims
-    none."""
+    """Where a matcher puts a scan ``(3,)``, and the covariance ``(3, 3)`` that it claims, if any."""
 
     T_reference_scan: Array
     covariance: Array | None

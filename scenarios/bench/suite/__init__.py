@@ -1,8 +1,4 @@
-"""The benches, one file each, found by their file's name.
-
-A bench is a module with a function ``run(stages, options) -> BenchmarkResult``; the first line of its
-docstring says what it measures.
-"""
+"""The benches, one file each: a docstring that says what it measures, and ``run(stages, options)``."""
 
 from __future__ import annotations
 

@@ -49,10 +49,9 @@ def _cost(stages: Stages, name: str, drive: Recording) -> list[Figure]:
 
 
 def replay_back_and_forth(recording: Recording, times: int, rng: np.random.Generator) -> Recording:
-    """The recording driven ``times`` over, backwards every second time.
+    """The recording driven ``times`` over, backwards every second time, with new noise and a new drift.
 
-    Ranges get new noise and dead reckoning a new drift, so that no place is seen twice alike. Raises
-    ``ValueError`` for fewer than one time.
+    Raises ``ValueError`` for fewer than one time.
     """
     if times < 1:
         raise ValueError(f"a drive there and back: expected 1 time or more, got {times}")

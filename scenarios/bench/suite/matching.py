@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from scenarios.bench.matching import calibration, cost
-from scenarios.bench.matching.bound import efficiency
 from scenarios.bench.matching.matchers import ABLATION, GICP, VARIANTS, third_party_matchers
 from scenarios.bench.matching.pairs import EASY, HARD, Pair, PairSet, experiment_1, guesses, intel, simulated
 from scenarios.bench.matching.scores import Matcher, match_all, matches_and_errors, measure, within_limits
@@ -123,8 +122,7 @@ def run(stages: Stages, options: BenchmarkOptions) -> BenchmarkResult:
 
 
 def score_tables(records: Sequence[Record], sections: frozenset[int]) -> list[Table]:
-    """A table for each of the `TOPICS` and level of guesses, by matcher and kind of pair; a line is drawn
-    after the rows ``sections``."""
+    """A table for each of the `TOPICS` and level of guesses, by matcher and kind of pair."""
     matchers, kinds = (list(dict.fromkeys(r[name] for r in records)) for name in ("matcher", "data"))
     by_place = {(r["matcher"], r["guesses"], r["data"]): r for r in records}
     return [
@@ -199,10 +197,9 @@ def efficiency_records(
     for data, pairs, walls, seeds in cases:
         for name, matcher in matchers.items():
             matched, errors = matches_and_errors(pairs, match_all(matcher, pairs, seeds)[0])
-            good = np.flatnonzero(within_limits(errors))
-            shares = (
-                efficiency([matched[i][0] for i in good], walls, errors[good]) if len(good) else (None,) * 2
-            )
+            good = within_limits(errors)
+            right = [pair for (pair, _), is_good in zip(matched, good, strict=True) if is_good]
+            shares = calibration.efficiency(right, walls, errors[good]) if right else (None, None)
             records.append({"data": data, "matcher": name, "translation": shares[0], "rotation": shares[1]})
     return records
 

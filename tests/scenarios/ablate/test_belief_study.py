@@ -99,8 +99,8 @@ def test_packed_lessons_come_back(pair: SubmapPair) -> None:
 def test_furniture_is_moved_in_every_building_once(monkeypatch: pytest.MonkeyPatch, pair: SubmapPair) -> None:
     """Where the study moves it there is nothing to add."""
 
-    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> PairSample:
-        moved = furniture_is_moved(scenario.name, seed) if moved is None else moved
+    def harvest(scenario: str, seed: int, most: int, length: object, moved: bool | None = None) -> PairSample:
+        moved = furniture_is_moved(scenario, seed) if moved is None else moved
         return PairSample((replace(pair, seed=seed, moved=moved),), 2, 0)
 
     monkeypatch.setattr(pair_sampling, "sample_pairs", harvest)

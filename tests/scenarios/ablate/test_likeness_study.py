@@ -135,8 +135,8 @@ def test_the_table_is_that_of_the_code(
     Furniture is moved in both, besides the pairs in which it is not."""
     asked = []
 
-    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> PairSample:
-        asked.append((scenario.name, seed, moved))
+    def harvest(scenario: str, seed: int, most: int, length: object, moved: bool | None = None) -> PairSample:
+        asked.append((scenario, seed, moved))
         return PairSample((pair,) if seed == 200 and not moved else (), 2, 0)
 
     monkeypatch.setattr(pair_sampling, "sample_pairs", harvest)

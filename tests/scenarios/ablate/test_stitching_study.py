@@ -28,7 +28,6 @@ from scenarios.ablate.pair_sampling import (
     overlap_of,
     sample_pairs,
 )
-from scenarios.ablate.random_streams import stream
 from scenarios.ablate.study.stitching import (
     ALL,
     PAIRS,
@@ -44,8 +43,8 @@ from scenarios.ablate.study.stitching import (
     trials,
     truncate_to_quota,
 )
+from scenarios.ablate.trial_io import stream
 from scenarios.ablate.two_session_recordings import rearrange
-from scenarios.catalogue import CATALOGUE
 from scenarios.sweep import Answer, Trial, sweep
 from sim.floorplan import Prism, box, cupboard, table
 from slam import se2
@@ -65,7 +64,7 @@ ROUTE = np.array([[3.0, 2.5], [3.0, 3.5]])
 @pytest.fixture(scope="module")
 def hives() -> tuple[SubmapPair, ...]:
     """Pairs from two visits to one beehive, furniture moved between them."""
-    return sample_pairs(CATALOGUE["beehive"], 102, 1).pairs
+    return sample_pairs("beehive", 102, 1).pairs
 
 
 def row(outcome: str, where: str = "30 %", nees: float = np.nan, variant: str = "joint") -> AlignmentRow:
