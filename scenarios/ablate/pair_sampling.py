@@ -9,9 +9,8 @@ from itertools import product
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, cut_fragments
+from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, cut_fragments, record_two_sessions
 from scenarios.ablate.trial_io import name_hash, stream
-from scenarios.ablate.two_session_recordings import record_two_sessions
 from scenarios.catalogue import CATALOGUE
 from slam import se2
 from slam.mapping.submap import Submap
@@ -39,8 +38,8 @@ SAME_WALL_DISTANCE = 0.2
 """Walls within this [m] that face the same way are the same."""
 SAME_WAY = 0.3
 """Least cosine between the normals of walls that face the same way."""
-SPAN = 1 << 20
-"""Cells on each side of the world: what makes one number of a cell's two."""
+CELL_NUMBER = np.array([1, 1 << 20])
+"""Makes one number of a cell's two; the world has fewer cells on each side."""
 
 
 @dataclass(frozen=True)
@@ -158,13 +157,8 @@ def bin_of(overlap: float, scenario: str) -> str | None:
 
 def overlap_of(a: MapFragment, b: MapFragment) -> tuple[np.ndarray, float]:
     """World cells ``(n, 2)`` that both have seen, and their share of those of the one that has seen less."""
-    both = _keys(a.known)[np.isin(_keys(a.known), _keys(b.known), assume_unique=True)]
-    cells = np.stack([both % SPAN - SPAN // 2, both // SPAN - SPAN // 2], -1)
-    return cells, len(both) / min(len(a.known), len(b.known))
-
-
-def _keys(cells: np.ndarray) -> np.ndarray:
-    return (cells[:, 1] + SPAN // 2) * SPAN + cells[:, 0] + SPAN // 2
+    cells = a.known[np.isin(a.known @ CELL_NUMBER, b.known @ CELL_NUMBER, assume_unique=True)]
+    return cells, len(cells) / min(len(a.known), len(b.known))
 
 
 def _pair(

@@ -134,9 +134,7 @@ def correlations(drives: Sequence[ScoredDrive], names: Sequence[str]) -> Array:
         if usable.any():
             matrix[np.ix_(usable, usable)] = np.corrcoef(ranks[usable])
         matrices.append(matrix)
-    several = np.stack(matrices)
-    counts = np.isfinite(several).sum(axis=0)
-    return np.where(counts > 0, np.nansum(several, axis=0) / np.maximum(counts, 1), NAN)
+    return np.ma.masked_invalid(matrices).mean(axis=0).filled(NAN)
 
 
 @dataclass(frozen=True)

@@ -133,8 +133,7 @@ def downstream(drives: Sequence[ScoredDrive], values: Mapping[str, Mapping[str, 
 
 def _median(values: Array) -> float:
     """Of what is there; NaN where nothing is."""
-    there = values[np.isfinite(values)]
-    return float(np.median(there)) if len(there) else float("nan")
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
 
 
 def correlation(matrix: Array, names: Sequence[str]) -> Figure:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import shlex
 import sys
+from statistics import fmean
 
 from scenarios.ablate.options import SegmentationOptions
 from scenarios.ablate.segmentation.findings import analyse, collect_drives
 from scenarios.ablate.segmentation.page import draw_pictures, render
-from scenarios.ablate.segmentation.table import RESULT_COLUMNS, findings_json, findings_table, result_rows
+from scenarios.ablate.segmentation.table import (
+    RESULT_COLUMNS,
+    findings_json,
+    findings_table,
+    result_rows,
+    verdict,
+)
 from scenarios.ablate.segmentation.trials import NEVER, TRUTH, label_drive, run_trial, trials
-from scenarios.ablate.segmentation.verdict import verdict
 from scenarios.options import parse_names
 from scenarios.sweep import SweepResult, finish, write_results
 from slam.odometry.confidence import MEASURES
@@ -44,10 +50,9 @@ def run(options: SegmentationOptions) -> None:
 
 def cost(swept: SweepResult) -> str:
     """Mean wall time of the trials and of what is prepared once per drive, as a sentence."""
-    outcomes = [outcome for outcome in swept.outcomes if not outcome.failed]
-    preparing = [outcome.preparing for outcome in outcomes if outcome.preparing > 0.0]
-    seconds = sum(outcome.seconds for outcome in outcomes)
+    seconds = [outcome.seconds for outcome in swept.outcomes if not outcome.failed]
+    preparing = [o.preparing for o in swept.outcomes if not o.failed and o.preparing > 0.0] or [0.0]
     return (
-        f"{len(outcomes)} trials of {seconds / max(len(outcomes), 1):.1f} s on average, and "
-        f"{sum(preparing) / max(len(preparing), 1):.1f} s once per drive for simulation and front end."
+        f"{len(seconds)} trials of {fmean(seconds):.1f} s on average, and {fmean(preparing):.1f} s once per "
+        "drive for simulation and front end."
     )

@@ -1,17 +1,11 @@
-"""The matchers that are measured: ours, the default with one of its parts taken away at a time, and other
-people's where they are installed (extra ``[peers]``).
+"""The matchers that are measured: ours, ours without one of its parts, other people's (extra ``[peers]``).
 
-The others look for partners within 1 m, as ours does at first, use one thread and no voxels, and stop by
-their own rules. They claim no covariance.
-
-``small_gicp GICP``: a planar scan has no extent across its plane: the regularised covariances of its points
-say nothing, and generalised ICP becomes ICP. So the points are put at three heights, 10 cm apart, and walls
-become patches of a plane; covariances from 20 neighbours; the answer's x, y and yaw count. Extruding counts
-as reading the ranges; preprocessing both clouds (covariances, tree) as part of the match.
-
-``small_gicp plane``: the same clouds, point to plane.
-
-``open3d point``: point to point on the planar points, at most 30 iterations, which is its default.
+The others look for partners within 1 m, as ours does at first, use one thread and no voxels, stop by their
+own rules, and claim no covariance. For ``small_gicp`` the points are put at three heights, 10 cm apart: a
+planar scan has no extent across its plane, so that generalised ICP would become ICP; covariances from 20
+neighbours; the answer's x, y and yaw count. Extruding counts as reading the ranges, preprocessing both clouds
+(covariances, tree) as part of the match. ``open3d point``: point to point on the planar points, at most 30
+iterations, its default.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from scenarios.ablate.segmentation.findings import (
     score_measure,
 )
 from scenarios.ablate.segmentation.page import draw_pictures, render
-from scenarios.ablate.segmentation.table import RESULT_COLUMNS, result_rows
+from scenarios.ablate.segmentation.table import RESULT_COLUMNS, result_rows, verdict
 from scenarios.ablate.segmentation.trials import (
     LEAN,
     NEVER,
@@ -36,7 +36,6 @@ from scenarios.ablate.segmentation.trials import (
     splice_dead_reckoning,
     steps_of,
 )
-from scenarios.ablate.segmentation.verdict import verdict
 from scenarios.ablate.statistics import Mean
 from scenarios.ablate.study import confidence, segmentation
 from scenarios.ablate.study.confidence import FEATURES, combined, fit_combination, learn_thresholds

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, warp
+from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, rearrange, warp
 from scenarios.ablate.options import STUDIES
 from scenarios.ablate.pair_sampling import (
     BINS,
@@ -44,7 +44,6 @@ from scenarios.ablate.study.stitching import (
     truncate_to_quota,
 )
 from scenarios.ablate.trial_io import stream
-from scenarios.ablate.two_session_recordings import rearrange
 from scenarios.sweep import Answer, Trial, sweep
 from sim.floorplan import Prism, box, cupboard, table
 from slam import se2
