@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from scenarios.bench.suite import BENCHES
+from scenarios.stages import timed
 from slam.table import Columns, Table
 
 Call = Callable[[], object]
@@ -82,9 +82,7 @@ def time_calls(calls: Mapping[str, Call], repetitions: int) -> dict[str, tuple[f
         call()
     for _ in range(repetitions):
         for name, call in calls.items():
-            started = time.process_time()
-            call()
-            seconds[name].append(time.process_time() - started)
+            seconds[name].append(timed(call)[1])
     return {name: tuple(times) for name, times in seconds.items()}
 
 

@@ -207,38 +207,32 @@ def draw_pictures(findings: Findings) -> list[Picture]:
     """The figures of the study."""
     drives, names, values = findings.drives, list(findings.names), findings.values
     shown = [name for name in ("trace2", "neg_matches", "combined") if name in names]
-    drawn: dict[str, tuple[str, Figure]] = {
-        "precision_recall": (
+    drawn = [
+        (
+            "precision_recall",
             "Precision over recall by scenario, all steps; those without a match tie at the top",
             curves(drives, names),
-        )
-    }
+        ),
+        (
+            "correlation",
+            "Rank correlations of the measures with each other and with the true error, mean over drives",
+            correlation(correlations(drives, names), names),
+        ),
+        (
+            "timeline",
+            "Confidence over the drive with the truth added (Formsma's figure 5.3): "
+            f"{drives[0].scenario}, seed {drives[0].seed}",
+            timeline(drives[0].steps, shown),
+        ),
+    ]
     if any(np.isfinite(column).any() for column in values["ate_rmse"].values()):
-        drawn["downstream"] = (
-            "Position error and map of all drives, by the measure that cuts; medians of each scenario",
-            downstream(drives, values),
-        )
-    drawn["correlation"] = (
-        "Rank correlations of the measures with each other and with the true error, mean over drives",
-        correlation(correlations(drives, names), names),
-    )
-    drawn["timeline"] = (
-        "Confidence over the drive with the truth added (Formsma's figure 5.3): "
-        f"{drives[0].scenario}, seed {drives[0].seed}",
-        timeline(drives[0].steps, shown),
-    )
-    return [Picture(name, caption, png(figure)) for name, (caption, figure) in drawn.items()]
+        caption = "Position error and map of all drives, by the measure that cuts; medians of each scenario"
+        drawn.insert(1, ("downstream", caption, downstream(drives, values)))
+    return [Picture(name, caption, png(figure)) for name, caption, figure in drawn]
 
 
-def render(
-    findings: Findings,
-    verdict: Sequence[str],
-    pictures: Sequence[Picture],
-    command: str,
-    cost: str,
-    thorough: bool,
-) -> str:
-    """The page. ``command`` made it, ``cost`` tells what it took."""
+def render(findings: Findings, verdict: Sequence[str], pictures: Sequence[Picture], **about: object) -> str:
+    """The page; ``about`` has the ``command`` that made it, its ``cost`` in words, and if it was ``thorough``."""
     meanings = {name: " ".join((MEASURES[name].__doc__ or "").split()) for name in findings.names}
     if NEVER in findings.values["ate_rmse"]:
         meanings[NEVER] = "Reference: nothing is cut."
@@ -256,7 +250,5 @@ def render(
         sure=difference_table("larger AUC", "by [95 %]", findings.ranking, ratios=False),
         sure_maps=difference_table("larger position error", "times [95 %]", findings.mapping, ratios=True),
         meanings=meanings,
-        command=command,
-        cost=cost,
-        thorough=thorough,
+        **about,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,6 +14,7 @@ from scenarios.evaluation.maps import f1, map_at, occupied_cells, true_map
 from scenarios.evaluation.segmentation import purity, true_errors
 from scenarios.evaluation.trajectory import aligned
 from scenarios.source import simulated
+from scenarios.stages import timed
 from scenarios.sweep import Answer, Trial
 from slam import se2
 from slam.mapping.occupancy import Grid
@@ -135,9 +135,7 @@ def map_cut_drive(trial: Trial, drive: LabelledDrive) -> Answer:
     assert recording.truth is not None
     lost = predict_failures(drive, trial.method)
     sound = purity(segments_from(track, lost), track.poses, recording.truth)
-    started = time.process_time()
-    poses = map_with_cuts(drive, lost, THOROUGH if trial.config["thorough"] else LEAN)
-    seconds = time.process_time() - started
+    poses, seconds = timed(map_with_cuts, drive, lost, THOROUGH if trial.config["thorough"] else LEAN)
     best = aligned(poses, recording.truth)
     squared = np.sum((best - recording.truth)[:, :2] ** 2, axis=1)
     right = f1(occupied_cells(map_at(recording, best)), occupied_cells(drive.true_map))

@@ -13,16 +13,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from scenarios.ablate.options import HalmstadOptions
-from scenarios.ablate.study.stitching import count_outcomes, score_alignment, timed_align
+from scenarios.ablate.study.stitching import count_outcomes, score_alignment
 from scenarios.jsonable import document
 from scenarios.options import parse_names
+from scenarios.stages import timed
 from slam import se2
 from slam.cli import InputError
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
 from slam.se2 import Array
 from slam.table import Columns, Table, number
-from stitch.align import METHODS, AlignConfig, NoStitch
+from stitch.align import METHODS, AlignConfig, NoStitch, align
 from stitch.alignment.walls import surfaces
 from stitch.command.maps import cropped
 
@@ -192,7 +193,7 @@ def align_annotated(folder: Path, methods: Sequence[str]) -> list[AnnotatedResul
         maps = {name: read_map(building / f"{name}.png") for pair in pairs for name in (pair.a, pair.b)}
         for method in methods:
             for pair in pairs:
-                result, seconds = timed_align(maps[pair.a], maps[pair.b], None, AlignConfig(method=method))
+                result, seconds = timed(align, maps[pair.a], maps[pair.b], None, AlignConfig(method=method))
                 outcome, error, _ = score_alignment(result, pair.T_a_b, pair.middle_b, LIMIT)
                 about = method, building.name, pair.a, pair.b
                 reason = result.reason if isinstance(result, NoStitch) else ""
@@ -205,7 +206,7 @@ def align_pieces(folder: Path, methods: Sequence[str]) -> list[tuple[PiecesResul
     a, b = read_pieces(folder)
     results = []
     for method in methods:
-        result, seconds = timed_align(a, b, None, AlignConfig(method=method))
+        result, seconds = timed(align, a, b, None, AlignConfig(method=method))
         refused = isinstance(result, NoStitch)
         best, reason = (result.best, result.reason) if isinstance(result, NoStitch) else (result, "")
         share = None if best is None else shared_walls(a, b, best.T_a_b, REACH)

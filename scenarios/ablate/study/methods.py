@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -21,6 +20,7 @@ from scenarios.methods import METHODS, OURS, warm_up
 from scenarios.methods.config import MethodConfig
 from scenarios.methods.warm_up import warm_up_recording
 from scenarios.options import parse_names
+from scenarios.stages import timed
 from scenarios.sweep import Answer, Failure, Trial, finish, write_results
 from slam.cli import InputError
 from slam.graph.pose_graph import Loss
@@ -137,9 +137,7 @@ def run_trial(trial: Trial, recording: Recording) -> Answer:
     """A trial's variant on its drive: one row, its metrics and processor time [s] without loading kernels."""
     variant = MethodVariant(trial.method, **trial.config)
     warm_up(variant.method, warm_up_recording(recording), variant.config())
-    started = time.process_time()
-    estimate = variant.run(recording, trial.seed)
-    seconds = time.process_time() - started
+    estimate, seconds = timed(variant.run, recording, trial.seed)
     if isinstance(estimate, NoEstimate):
         raise ValueError(f"{estimate.method}: {estimate.reason}")
     metrics = evaluate(recording, [estimate])

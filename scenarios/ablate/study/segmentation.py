@@ -37,7 +37,8 @@ def run(options: SegmentationOptions) -> None:
         for picture in pictures:
             (options.out / f"{picture.name}.png").write_bytes(picture.png)
         command = shlex.join(["python", "-m", "scenarios.ablate", "segmentation", *sys.argv[1:]])
-        page = render(findings, sentences, pictures, command, cost(swept), options.thorough)
+        about = {"command": command, "cost": cost(swept), "thorough": options.thorough}
+        page = render(findings, sentences, pictures, **about)
         (options.out / "index.html").write_text(page, encoding="utf-8")
         if options.format == "json":
             about = {"study": "segmentation", "scenarios": scenarios, "seeds": seeds}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -26,11 +25,11 @@ from scenarios.ablate.statistics import NAN, Proportion
 from scenarios.ablate.trial_io import stream
 from scenarios.jsonable import document
 from scenarios.options import parse_names
+from scenarios.stages import timed
 from scenarios.sweep import Answer, Failure, SweepResult, Trial, finish, write_results
 from slam import se2
 from slam.cli import InputError
 from slam.mapping.occupancy import Grid
-from slam.mapping.submap import Submap
 from slam.se2 import Array
 from slam.table import Columns, Table, number
 from stitch.align import METHODS, AlignConfig, NoStitch, Prior, Stitch, align
@@ -207,20 +206,13 @@ def align_pairs(pairs: Sequence[SubmapPair], name: str, method: str, guided: boo
     rows = []
     for k, pair in enumerate(pairs):
         rng = stream(pair.seed, pair.scenario, "priors", k)
-        result, seconds = timed_align(pair.a, pair.b, draw_prior(pair.T_a_b, rng) if guided else None, config)
+        prior = draw_prior(pair.T_a_b, rng) if guided else None
+        result, seconds = timed(align, pair.a, pair.b, prior, config)
         outcome, error, nees = score_alignment(result, pair.T_a_b, pair.middle_b)
         about = pair.scenario, pair.seed, pair.bin, pair.overlap, pair.moved, pair.hold
         reason = result.reason if isinstance(result, NoStitch) else ""
         rows.append(AlignmentRow(name, *about, outcome, *error, nees, seconds, reason))
     return rows
-
-
-def timed_align(
-    a: Submap, b: Submap, prior: Prior | None, config: AlignConfig
-) -> tuple[Stitch | NoStitch, float]:
-    """The alignment and its processor time [s]."""
-    started = time.process_time()
-    return align(a, b, prior, config), time.process_time() - started
 
 
 def draw_prior(T_a_b: Array, rng: np.random.Generator) -> Prior:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from scenarios.bench.matching.matchers import OURS
 from scenarios.bench.matching.pairs import ANGLES, EASY, INTEL, LASER, Pair, near
 from scenarios.bench.matching.scores import Matcher, within_limits
 from scenarios.bench.result import Figure, time_calls
-from scenarios.stages import Stages
+from scenarios.stages import Stages, timed
 from sim.laser import Raycaster
 from slam import se2
 from slam.formats import load
@@ -53,15 +52,10 @@ def match_times(
 
 def _timed(matcher: Matcher, pair: Pair, guess: Array) -> tuple[float, float, float]:
     """Seconds of one match from scans, from what is prepared, and from ranges."""
-    start = time.process_time()
-    scans = [matcher.read(pair, which) for which in (0, 1)]
-    have_scans = time.process_time()
-    reference, scan = map(matcher.prepare, scans)
-    matcher.match(reference, scan, guess)
-    end = time.process_time()
-    matcher.match(reference, scan, guess)
-    again = time.process_time() - end
-    return end - have_scans, again, end - start
+    scans, reading = timed(lambda: [matcher.read(pair, which) for which in (0, 1)])
+    prepared, preparing = timed(lambda: [matcher.prepare(scan) for scan in scans])
+    first, again = (timed(matcher.match, *prepared, guess)[1] for _ in range(2))
+    return preparing + first, again, reading + preparing + first
 
 
 def local_map(rng: np.random.Generator) -> list[Figure]:
@@ -73,15 +67,12 @@ def local_map(rng: np.random.Generator) -> list[Figure]:
         seen = LocalMap(most_scans=MAP_SCANS)
         for T in _around(caster, place, MAP_SCANS, rng):
             scan = _scan(caster, se2.compose(place, T), rng)
-            started = time.process_time()
-            seen.add(scan, T)
-            adding.append(1e3 * (time.process_time() - started))
+            adding.append(1e3 * timed(seen.add, scan, T)[1])
         for T in _around(caster, place, MATCHES, rng):
             query = Reference(_scan(caster, se2.compose(place, T), rng))
             guess = T + rng.uniform(-1.0, 1.0, 3) * [EASY[0], EASY[0], EASY[1]]
-            started = time.process_time()
-            match = OURS.match(seen, query, guess)
-            matching.append(1e3 * (time.process_time() - started))
+            match, seconds = timed(OURS.match, seen, query, guess)
+            matching.append(1e3 * seconds)
             if isinstance(match, Match):
                 errors.append(se2.between(match.T_reference_scan, T))
     right = 100.0 * np.sum(within_limits(np.reshape(errors, (-1, 3)))) / len(matching)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from scipy.stats import binomtest, chi2
 
 from scenarios.bench.matching.pairs import Pair
+from scenarios.stages import timed
 from slam import se2
 from slam.matching import Match, NoMatch
 from slam.se2 import Array
@@ -47,6 +47,10 @@ class Matcher:
     match: Callable[[Any, Any, Array], Result]
     """Two prepared scans, from a guess ``(3,)``."""
 
+    def prepare_and_match(self, reference: Any, scan: Any, guess: Array) -> Result:
+        """Two scans, from a guess ``(3,)``."""
+        return self.match(self.prepare(reference), self.prepare(scan), guess)
+
 
 @dataclass(frozen=True)
 class Score:
@@ -75,13 +79,11 @@ class Score:
 
 def match_all(matcher: Matcher, pairs: Sequence[Pair], guesses: Array) -> tuple[list[Result], Array]:
     """A matcher's result for every pair, and the processor time ``(N,)`` s of each."""
-    results, seconds = [], []
-    for pair, guess in zip(pairs, guesses, strict=True):
-        reference, scan = (matcher.read(pair, which) for which in (0, 1))
-        started = time.process_time()
-        results.append(matcher.match(matcher.prepare(reference), matcher.prepare(scan), guess))
-        seconds.append(time.process_time() - started)
-    return results, np.array(seconds)
+    both = [
+        timed(matcher.prepare_and_match, *(matcher.read(pair, which) for which in (0, 1)), guess)
+        for pair, guess in zip(pairs, guesses, strict=True)
+    ]
+    return [result for result, _ in both], np.array([seconds for _, seconds in both])
 
 
 def measure(matcher: Matcher, pairs: Sequence[Pair], guesses: Array) -> Score:

@@ -266,7 +266,8 @@ def test_correlations_are_symmetric_and_one_with_themselves(told: Findings) -> N
 def test_the_page_stands_alone(told: Findings) -> None:
     shown = draw_pictures(told)
     assert [one.name for one in shown] == ["precision_recall", "downstream", "correlation", "timeline"]
-    page = render(told, verdict(told), shown, "python -m scenarios.ablate <segmentation>", "cheap", False)
+    about = {"command": "python -m scenarios.ablate <segmentation>", "cost": "cheap", "thorough": False}
+    page = render(told, verdict(told), shown, **about)
     assert page.count("data:image/png;base64,") == 4
     assert "http://" not in page
     assert "https://" not in page
