@@ -232,7 +232,7 @@ def draw_pictures(findings: Findings) -> list[Picture]:
 
 
 def render(findings: Findings, verdict: Sequence[str], pictures: Sequence[Picture], **about: object) -> str:
-    """The page; ``about`` has the ``command`` that made it, its ``cost`` in words, and if it was ``thorough``."""
+    """The page, ``about`` the ``command`` that made it, its ``cost`` in words, and if it was ``thorough``."""
     meanings = {name: " ".join((MEASURES[name].__doc__ or "").split()) for name in findings.names}
     if NEVER in findings.values["ate_rmse"]:
         meanings[NEVER] = "Reference: nothing is cut."

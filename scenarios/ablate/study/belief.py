@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.ablate.classifiers import cross_validate, fit_network, require
 from scenarios.ablate.options import BeliefOptions
 from scenarios.ablate.pair_sampling import BINS, STRANGERS, negative_pairs, training_pairs
-from scenarios.ablate.training_set import Dataset, collect_samples
+from scenarios.ablate.training import Dataset, collect_samples, cross_validate, fit_network, require
 from scenarios.sweep import Answer, Trial, finish
 from slam.cli import InputError
 from slam.table import Table, number

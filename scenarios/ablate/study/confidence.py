@@ -8,10 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from scenarios.ablate.classifiers import fit_logistic, require
 from scenarios.ablate.options import ConfidenceOptions
 from scenarios.ablate.segmentation.findings import RULES
 from scenarios.ablate.segmentation.trials import LabelledDrive, Steps, label_drive, steps_of
+from scenarios.ablate.training import fit_logistic, require
 from scenarios.evaluation.detection import best_threshold
 from scenarios.sweep import Answer, Trial, finish
 from slam.cli import InputError

@@ -6,11 +6,10 @@ from itertools import chain, product
 
 import numpy as np
 
-from scenarios.ablate.classifiers import require
 from scenarios.ablate.options import LikenessOptions
 from scenarios.ablate.pair_sampling import training_pairs
 from scenarios.ablate.study.stitching import draw_prior
-from scenarios.ablate.training_set import CountedAlignments, fit_likelihood, fit_prior_offset
+from scenarios.ablate.training import CountedAlignments, fit_likelihood, fit_prior_offset, require
 from scenarios.ablate.trial_io import stream
 from scenarios.sweep import Answer, Trial, finish
 from slam.cli import InputError

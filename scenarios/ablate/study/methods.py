@@ -117,13 +117,10 @@ def method_variants(
     """Every method; ours with each back end, and again with a share of ``injected`` false stitches if any."""
     variants = []
     for method in methods:
-        if method != OURS:
-            variants.append(MethodVariant(method, method))
-            continue
-        for back_end in back_ends:
-            name = OURS if back_end == DEFAULT_BACK_END else f"{OURS} {back_end}"
-            variants.append(MethodVariant(name, OURS, back_end))
-            if injected > 0.0:
+        for back_end in back_ends if method == OURS else (DEFAULT_BACK_END,):
+            name = method if back_end == DEFAULT_BACK_END else f"{method} {back_end}"
+            variants.append(MethodVariant(name, method, back_end))
+            if method == OURS and injected > 0.0:
                 variants.append(MethodVariant(f"{name} +{injected:.0%}", OURS, back_end, injected, name))
     return tuple(variants)
 

@@ -98,10 +98,9 @@ def intel(data: Path, count: int) -> PairSet | str:
     if absent := _absent(data, INTEL, INTEL_POSES):
         return absent
     recording = load(data / INTEL)
-    poses = read_poses(data / INTEL_POSES, len(recording))
-    rows = np.arange(1, len(recording))
-    uncertain = np.diag(GMAPPING_SIGMA**2)
-    pairs = tuple(_logged(recording, poses, row, uncertain) for row in spread(rows, count))
+    poses, uncertain = read_poses(data / INTEL_POSES, len(recording)), np.diag(GMAPPING_SIGMA**2)
+    rows = spread(np.arange(1, len(recording)), count)
+    pairs = tuple(_logged(recording, poses, row, uncertain) for row in rows)
     return PairSet("Intel", pairs, "every scan with the one before; truth is GMapping's, ± 19 mm, 0.45°")
 
 
@@ -117,9 +116,9 @@ def experiment_1(data: Path, count: int, moving: bool = False) -> PairSet | str:
             "expected a log with the robot's true poses, and roll and pitch", data / EXPERIMENT_1
         )
     upright = np.all(np.abs(recording.attitude) < UPRIGHT, axis=1)
-    moved = np.any(np.abs(se2.between(recording.truth[:-1], recording.truth[1:])) > 0.1 * QUANTUM, axis=1)
-    rows = 1 + np.flatnonzero(upright[1:] & upright[:-1] & (moved | (not moving)))
     steps = se2.between(recording.truth[:-1], recording.truth[1:])
+    moved = np.any(np.abs(steps) > 0.1 * QUANTUM, axis=1)
+    rows = 1 + np.flatnonzero(upright[1:] & upright[:-1] & (moved | (not moving)))
     uncertain = of_rounding(steps, QUANTUM)
     pairs = tuple(_logged(recording, recording.truth, row, uncertain[row - 1]) for row in spread(rows, count))
     name, kind = ("Exp. 1, moving", "upright and moving") if moving else ("Exp. 1", "upright")

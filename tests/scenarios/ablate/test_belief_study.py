@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate import classifiers, pair_sampling
-from scenarios.ablate.classifiers import cross_validate, fit_network
+from scenarios.ablate import pair_sampling, training
 from scenarios.ablate.options import BeliefOptions as Options
 from scenarios.ablate.pair_sampling import (
     STRANGERS,
@@ -24,7 +23,7 @@ from scenarios.ablate.pair_sampling import (
 )
 from scenarios.ablate.study import belief
 from scenarios.ablate.study.belief import LENGTHS, accepted_table, run
-from scenarios.ablate.training_set import Dataset, collect_samples
+from scenarios.ablate.training import Dataset, collect_samples, cross_validate, fit_network
 from slam.cli import InputError
 from slam.se2 import Array
 from stitch.alignment.acceptance import AcceptanceClassifier
@@ -72,7 +71,7 @@ def test_no_building_is_judged_by_what_was_learnt_from_it(monkeypatch: pytest.Mo
             assert len(judged[-1] | self.seen) == 12
             return np.zeros(len(features))
 
-    monkeypatch.setattr(classifiers, "fit_network", lambda some, *_: Told(some))
+    monkeypatch.setattr(training, "fit_network", lambda some, *_: Told(some))
     assert np.all(cross_validate(features, np.arange(60) % 2 == 0, building, rng) == 0.0)
     assert set().union(*judged) == set(range(200, 212))
 

@@ -14,7 +14,7 @@ from scenarios.ablate.options import LikenessOptions as Options
 from scenarios.ablate.pair_sampling import PairSample, SubmapPair
 from scenarios.ablate.study.likeness import run
 from scenarios.ablate.study.stitching import LIMIT, draw_prior, is_right, pose_error
-from scenarios.ablate.training_set import CountedAlignments, fit_likelihood, fit_prior_offset
+from scenarios.ablate.training import CountedAlignments, fit_likelihood, fit_prior_offset
 from slam.cli import InputError
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
