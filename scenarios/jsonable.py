@@ -20,6 +20,11 @@ def dump(path: Path, content: object) -> None:
     )
 
 
+def document(**content: object) -> str:
+    """``content`` as a command prints it: JSON with a schema's number, null for what is not finite."""
+    return json.dumps(jsonable({"schema": 1, **content}), indent=2)
+
+
 def jsonable(value: Any, words: bool = False) -> Any:
     """A value as JSON has it: data classes as objects, arrays as lists.
 

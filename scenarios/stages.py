@@ -8,18 +8,19 @@ import platform
 import re
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 PROCESS = Path("/proc/self")
 PACKAGES = ("numpy", "scipy", "numba", "pymunk", "opencv-python-headless", "gtsam", "matplotlib")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,13 @@ class Stages:
             yield
         self.costs[name] = Cost(time.perf_counter() - started, _peak_mb())
         self.console.print(f"{name:<12} {self.costs[name].wall_s:6.1f} s", style="dim", highlight=False)
+
+
+def timed(call: Callable[..., T], *arguments: Any) -> tuple[T, float]:
+    """What a call returns, and its processor time [s]."""
+    started = time.process_time()
+    result = call(*arguments)
+    return result, time.process_time() - started
 
 
 def _reset_peak() -> None:

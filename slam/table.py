@@ -6,8 +6,9 @@ import html
 import io
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 ABSENT = "–"
 """What stands where there is no number."""
@@ -31,6 +32,8 @@ class Bold:
 
 
 Cell = str | Bold
+Columns = Sequence[tuple[str, Callable[[Any], Cell]]]
+"""Headings, each with the function that makes the cell of a record."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,19 @@ class Table:
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise ValueError(f"expected {len(self.columns)} cells in a row, got {len(row)}: {row}")
+
+    @classmethod
+    def of(
+        cls,
+        records: Iterable[object],
+        columns: Columns,
+        title: str = "",
+        names: int = 1,
+        notes: Sequence[str] = (),
+    ) -> Table:
+        """A row for every record, whose cells the ``columns`` make of it."""
+        rows = [[cell(record) for _, cell in columns] for record in records]
+        return cls([heading for heading, _ in columns], rows, title, names, notes=notes)
 
     def grouped(self, by: int = 1) -> Table:
         """The same with a rule wherever one of the first ``by`` columns changes, and its value said once."""

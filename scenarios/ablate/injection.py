@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -41,22 +40,14 @@ def inject_false_stitches(
         return closed
     count = round(len(true) * share / (1.0 - share))
     poses = closed.poses if closed.nodes is None else closed.poses[closed.nodes]
-    false = [draw_false_stitch(poses, true, rng) for _ in range(count)]
+    false = []
+    for _ in range(count):
+        a, b = sorted(rng.choice(len(poses), 2, replace=False).tolist())
+        distance, (bearing, yaw) = rng.uniform(*OFFSET), rng.uniform(-np.pi, np.pi, 2)
+        offset = np.array([distance * np.cos(bearing), distance * np.sin(bearing), yaw])
+        T_a_b = se2.compose(se2.between(poses[a], poses[b]), offset)
+        false.append(((a, b), replace(true[int(rng.integers(len(true)))], T_a_b=T_a_b)))
     graph = add_stitches(closed.graph, false, closed.nodes)
     solution = optimise_robustly(replace(graph, poses=start), config)
     tried = (*closed.tried, *(LoopCandidate(a, b, stitch) for (a, b), stitch in false))
     return replace(closed, graph=graph, poses=solution.poses, tried=with_weights(tried, solution.weights))
-
-
-def draw_false_stitch(
-    poses: Array, true: Sequence[Stitch], rng: np.random.Generator
-) -> tuple[tuple[int, int], Stitch]:
-    """A stitch of two submaps drawn by chance, off by `OFFSET` from where ``poses (K, 3)`` have them.
-
-    It claims the covariance of one of the ``true`` stitches.
-    """
-    a, b = sorted(rng.choice(len(poses), 2, replace=False).tolist())
-    distance, (bearing, yaw) = rng.uniform(*OFFSET), rng.uniform(-np.pi, np.pi, 2)
-    offset = np.array([distance * np.cos(bearing), distance * np.sin(bearing), yaw])
-    T_a_b = se2.compose(se2.between(poses[a], poses[b]), offset)
-    return (a, b), replace(true[int(rng.integers(len(true)))], T_a_b=T_a_b)

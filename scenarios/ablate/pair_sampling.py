@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, cut_fragments
-from scenarios.ablate.random_streams import name_hash, stream
-from scenarios.ablate.translational_constraint import translational_constraint
-from scenarios.ablate.two_session_recordings import record_two_sessions
+from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, cut_fragments, record_two_sessions
+from scenarios.ablate.trial_io import name_hash, stream
 from scenarios.catalogue import CATALOGUE
-from sim.record import Buildable
 from slam import se2
 from slam.mapping.submap import Submap
 from slam.se2 import Array
+from stitch.alignment.raster import walls_of
 
 BINS: dict[str, tuple[float, float]] = {
     "15 %": (0.10, 0.20),
@@ -26,16 +25,21 @@ BINS: dict[str, tuple[float, float]] = {
 }
 """True overlap from (inclusive) and to (exclusive), as a share of the smaller map's known area."""
 NONE, TWINS, STRANGERS = "none", "twins", "strangers"
-"""Pairs of one building that share nothing; pairs from rows of identical rooms, however they overlap; pairs
-from two different buildings, of training only."""
+"""Pairs that share nothing; of rows of identical rooms, however they overlap; of two buildings, to learn."""
 ALL_BINS = (*BINS, NONE, TWINS)
 TWIN_SCENARIO = "twin_rooms"
 NEIGHBOURHOOD = 4.0
 """Scans whose points are centred more than this from the overlap [m] are down-weighted."""
 PER_BUILDING, PER_TWIN_BUILDING = 5, 10
 """Most pairs of one bin from two recordings of one building; of twins there is only one scenario."""
-SPAN = 1 << 20
-"""Cells on each side of the world: what makes one number of a cell's two."""
+WALL_CELL = 0.1
+"""Side of the cells [m] in which walls are compared, one point in each."""
+SAME_WALL_DISTANCE = 0.2
+"""Walls within this [m] that face the same way are the same."""
+SAME_WAY = 0.3
+"""Least cosine between the normals of walls that face the same way."""
+CELL_NUMBER = np.array([1, 1 << 20])
+"""Makes one number of a cell's two; the world has fewer cells on each side."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class SubmapPair:
     has another one elsewhere); ``middle_b (2,)``: the middle of the overlap in b's frame, where errors are
     measured; ``overlap``: cells that both have seen, as a share of the smaller map's; ``moved``: furniture
     was moved between the recordings; ``hold``: metres of shared wall that constrain the worst constrained
-    direction (`scenarios.ablate.translational_constraint`).
+    direction (`translational_constraint`).
     """
 
     scenario: str
@@ -76,20 +80,20 @@ def furniture_is_moved(scenario: str, seed: int) -> bool:
 
 
 def sample_pairs(
-    scenario: Buildable,
+    scenario: str,
     seed: int,
-    quota: int,
+    most: int,
     length: tuple[float, float] = LENGTH,
     moved: bool | None = None,
 ) -> PairSample:
-    """At most ``quota`` pairs per bin from two recordings of a building.
+    """Pairs from two recordings of a building of the catalogue, where a bin takes ``most``.
 
     ``length``: distance driven for the shortest and the longest fragment [m]. ``moved`` furniture where
     `furniture_is_moved` unless it is given.
     """
-    moved = furniture_is_moved(scenario.name, seed) if moved is None else moved
-    rng = stream(seed, scenario.name, "pairs")
-    sessions = record_two_sessions(scenario, seed, moved)
+    moved = furniture_is_moved(scenario, seed) if moved is None else moved
+    rng, quota = stream(seed, scenario, "pairs"), quota_of(scenario, most)
+    sessions = record_two_sessions(CATALOGUE[scenario], seed, moved)
     (first, bent_first), (second, bent_second) = [
         cut_fragments(run.recording, rng, length) for run in sessions
     ]
@@ -98,14 +102,14 @@ def sample_pairs(
     couples = list(product(range(len(first)), range(len(second))))
     for i, j in (couples[k] for k in rng.permutation(len(couples))):
         overlaps[i, j] = overlap_of(first[i], second[j])
-        name = bin_of(overlaps[i, j][1], scenario.name)
+        name = bin_of(overlaps[i, j][1], scenario)
         if name is None:
             continue
         before = taken.setdefault(name, [])
         if len(before) < quota and all(i != k and j != m for k, m in before):  # no fragment twice in a bin
             before.append((i, j))
     pairs = [
-        _pair(scenario.name, seed, name, first[i], second[j], overlaps[i, j], moved)
+        _pair((scenario, seed, name), first[i], second[j], *overlaps[i, j], moved)
         for name, chosen in taken.items()
         for i, j in chosen
     ]
@@ -118,23 +122,15 @@ def quota_of(scenario: str, most: int) -> int:
     return min(PER_TWIN_BUILDING if scenario == TWIN_SCENARIO else PER_BUILDING, most)
 
 
-def pairs_of_building(
-    scenario: str, seed: int, most: int, length: tuple[float, float] = LENGTH
-) -> PairSample:
-    """The pairs of a scenario of the catalogue, where a bin takes ``most``."""
-    return sample_pairs(CATALOGUE[scenario], seed, quota_of(scenario, most), length)
-
-
 def training_pairs(
     scenario: str, seed: int, length: tuple[float, float] = LENGTH
 ) -> tuple[tuple[SubmapPair, ...], tuple[SubmapPair, ...]]:
     """The pairs of a building to learn from: the study's, and those with moved furniture where the study has
     none, so that the hardest cases are learnt from most."""
-    quota = quota_of(scenario, PER_TWIN_BUILDING)
-    pairs = sample_pairs(CATALOGUE[scenario], seed, quota, length).pairs
+    pairs = sample_pairs(scenario, seed, PER_TWIN_BUILDING, length).pairs
     if furniture_is_moved(scenario, seed):
         return pairs, ()
-    return pairs, sample_pairs(CATALOGUE[scenario], seed, quota, length, moved=True).pairs
+    return pairs, sample_pairs(scenario, seed, PER_TWIN_BUILDING, length, moved=True).pairs
 
 
 def negative_pairs(pairs: Sequence[SubmapPair], others: Sequence[SubmapPair]) -> list[SubmapPair]:
@@ -161,25 +157,13 @@ def bin_of(overlap: float, scenario: str) -> str | None:
 
 def overlap_of(a: MapFragment, b: MapFragment) -> tuple[np.ndarray, float]:
     """World cells ``(n, 2)`` that both have seen, and their share of those of the one that has seen less."""
-    both = _keys(a.known)[np.isin(_keys(a.known), _keys(b.known), assume_unique=True)]
-    cells = np.stack([both % SPAN - SPAN // 2, both // SPAN - SPAN // 2], -1)
-    return cells, len(both) / min(len(a.known), len(b.known))
-
-
-def _keys(cells: np.ndarray) -> np.ndarray:
-    return (cells[:, 1] + SPAN // 2) * SPAN + cells[:, 0] + SPAN // 2
+    cells = a.known[np.isin(a.known @ CELL_NUMBER, b.known @ CELL_NUMBER, assume_unique=True)]
+    return cells, len(cells) / min(len(a.known), len(b.known))
 
 
 def _pair(
-    scenario: str,
-    seed: int,
-    name: str,
-    a: MapFragment,
-    b: MapFragment,
-    both: tuple[np.ndarray, float],
-    moved: bool,
+    about: tuple[str, int, str], a: MapFragment, b: MapFragment, cells: np.ndarray, share: float, moved: bool
 ) -> SubmapPair:
-    cells, overlap = both
     if len(cells):
         middle = (cells.mean(axis=0) + 0.5) * CELL
         T_world_a, T_world_b = frame_near(a, middle), frame_near(b, middle)
@@ -188,7 +172,7 @@ def _pair(
     middle_b = se2.transform(se2.inverse(T_world_b), middle[None])[0]
     T_a_b = se2.between(T_world_a, T_world_b)
     hold = translational_constraint(a.submap, b.submap, T_a_b) if len(cells) else 0.0
-    return SubmapPair(scenario, seed, name, a.submap, b.submap, T_a_b, middle_b, overlap, moved, hold)
+    return SubmapPair(*about, a.submap, b.submap, T_a_b, middle_b, share, moved, hold)
 
 
 def frame_near(fragment: MapFragment, place: Array) -> Array:
@@ -200,3 +184,22 @@ def frame_near(fragment: MapFragment, place: Array) -> Array:
     yaw = float(np.arctan2(weights @ np.sin(frames[:, 2]), weights @ np.cos(frames[:, 2])))
     local = weights @ se2.transform(se2.inverse(frames), place[None])[:, 0]
     return np.array([*(place - se2.rotation(yaw) @ local), yaw])
+
+
+def translational_constraint(a: Submap, b: Submap, T_a_b: Array) -> float:
+    """Metres of shared wall that constrain the worst constrained direction of b at ``T_a_b (3,)`` in a.
+
+    The smaller eigenvalue of the sum of n nᵀ over the shared wall cells, n their unit normals, times the
+    cell: the translation's information of Censi (2007) for points without noise. 0 where nothing is shared.
+    """
+    walls_a, walls_b = walls_of(a, WALL_CELL), walls_of(b, WALL_CELL)
+    if len(walls_a.points) == 0 or len(walls_b.points) == 0:
+        return 0.0
+    points, facing = se2.transform(T_a_b, walls_b.points), walls_b.facing @ se2.rotation(T_a_b[2]).T
+    distance, nearest = cKDTree(walls_a.points).query(points)
+    alike = np.sum(facing * walls_a.facing[nearest], axis=1) > SAME_WAY
+    shared = (distance < SAME_WALL_DISTANCE) & alike
+    points, facing = points[shared], facing[shared]
+    _, first = np.unique(np.floor(points / WALL_CELL), axis=0, return_index=True)
+    normals = facing[first] / np.linalg.norm(facing[first], axis=1, keepdims=True)
+    return float(max(np.linalg.eigvalsh(normals.T @ normals)[0], 0.0)) * WALL_CELL

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Self
 
 import numpy as np
 from scipy.stats import binomtest, bootstrap, wilcoxon
 
 from slam.se2 import Array
+from slam.table import with_interval
 
 RESAMPLES = 4000
 """Bootstrap resamples of an interval (percentiles, Efron 1979)."""
@@ -22,31 +24,39 @@ NAN = float("nan")
 class Mean:
     """A mean over ``n`` drives and its 95 % interval; NaN without a drive."""
 
-    value: float
+    mean: float
     low: float
     high: float
     n: int
 
+    def map(self, function: Callable[[float], float]) -> Mean:
+        """The same on another scale; ``function`` is increasing."""
+        mean, low, high = (float(function(value)) for value in (self.mean, self.low, self.high))
+        return Mean(mean, low, high, self.n)
+
+    def text(self, decimals: int) -> str:
+        """The mean with its interval in brackets."""
+        return with_interval(self.mean, self.low, self.high, decimals)
+
 
 @dataclass(frozen=True)
 class Proportion:
-    """``count`` of ``n``, and its 95 % interval (Wilson 1927)."""
+    """``count`` of some, as a ``share`` with its 95 % interval (Wilson 1927)."""
 
     count: int
-    n: int
+    share: float
+    interval: tuple[float, float]
 
-    @property
-    def value(self) -> float:
-        """The share itself; NaN of nothing."""
-        return self.count / self.n if self.n else NAN
+    @classmethod
+    def of(cls, count: int, n: int) -> Self:
+        """``count`` of ``n``; of nothing the share is NaN, and anywhere from 0 to 1."""
+        if n == 0:
+            return cls(count, NAN, (0.0, 1.0))
+        limits = binomtest(count, n).proportion_ci(method="wilson")
+        return cls(count, count / n, (float(limits.low), float(limits.high)))
 
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Lower and upper limit; 0 and 1 of nothing."""
-        if self.n == 0:
-            return 0.0, 1.0
-        limits = binomtest(self.count, self.n).proportion_ci(method="wilson")
-        return float(limits.low), float(limits.high)
+    def __str__(self) -> str:
+        return with_interval(self.share, *self.interval)
 
 
 @dataclass(frozen=True)
@@ -58,19 +68,19 @@ class PairedDifference:
     second: str
     difference: Mean
     p: float
-    adjusted: float
+    p_holm: float
 
     @property
     def significant(self) -> bool:
         """Whether the page may say so: the corrected test and the interval agree."""
-        low, high = self.difference.low, self.difference.high
-        return self.adjusted < LEVEL and (low > 0.0 or high < 0.0)
+        return self.p_holm < LEVEL and (self.difference.low > 0.0 or self.difference.high < 0.0)
 
     def swapped(self) -> PairedDifference:
         """How much larger ``second`` is than ``first``."""
         d = self.difference
-        turned = Mean(-d.value, -d.high, -d.low, d.n)
-        return PairedDifference(self.second, self.first, turned, self.p, self.adjusted)
+        return PairedDifference(
+            self.second, self.first, Mean(-d.mean, -d.high, -d.low, d.n), self.p, self.p_holm
+        )
 
 
 def mean_interval(values: Array, strata: Sequence[str], rng: np.random.Generator) -> Mean:
@@ -111,10 +121,7 @@ def _limits(
 def compare_pairs(
     table: Mapping[str, Array], strata: Sequence[str], rng: np.random.Generator
 ) -> list[PairedDifference]:
-    """All pairs of ``table``, name -> values ``(n,)`` of the same drives, as one family.
-
-    Corrected by Holm (1979). ``strata (n,)`` as in `mean_interval`.
-    """
+    """All pairs of ``table``, name -> values ``(n,)`` of the same drives, one family of Holm (1979)."""
     compared = []
     for first, second in combinations(table, 2):
         differences = table[first] - table[second]
@@ -124,8 +131,7 @@ def compare_pairs(
 
 
 def signed_rank_p(differences: Array) -> float:
-    """Two-sided p of paired ``differences (n,)`` by Wilcoxon's signed-rank test; 1 where none is other than
-    zero. NaN are left out."""
+    """Two-sided p of Wilcoxon's signed-rank test of ``differences (n,)`` but NaN; 1 where all are zero."""
     different = differences[np.isfinite(differences) & (differences != 0.0)]
     return float(wilcoxon(different).pvalue) if len(different) else 1.0
 

@@ -6,12 +6,8 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Literal
 
-from tyro.conf import Positional, arg
-
+from scenarios.bench.result import BenchmarkOptions, print_result, results_json
 from scenarios.bench.suite import BENCHES, bench
 from scenarios.options import check_seed
 from slam.cli import InputError, main, nearest
@@ -19,48 +15,8 @@ from slam.cli import InputError, main, nearest
 COMMAND = "scenarios.bench"
 
 
-@dataclass(frozen=True)
-class Options:
-    """Measure on one core, in processor time, and print the median and the range of several repetitions.
-
-    The best repetition is what the code can do; how far the others are from it is what else the machine did.
-    matching: also success, honesty and accuracy of scan matchers, beside others (extra [peers]) if installed.
-    """
-
-    name: Positional[Annotated[str, arg(metavar="|".join(BENCHES), help_behavior_hint="")]] = ""
-    """Which bench to run; all without a name."""
-    format: Literal["table", "json"] = "table"
-    """What is printed on stdout; json has everything that was measured."""
-    pairs: Annotated[int, arg(metavar="N")] = 300
-    """matching: pairs of scans of each kind, simulated and from each log."""
-    seed: Annotated[int, arg(metavar="K")] = 0
-    """matching: what the pairs, their noise and the guesses are drawn from."""
-    data: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")] = None
-    """matching: folder of the real recordings (carmen/intel.raw.log.gz, usarsim/iro2012-pre2/Robot1.log),
-    by default ../shared/data beside the checkout. What is not there is left out."""
-
-
-def run(options: Options) -> None:
+def run(options: BenchmarkOptions) -> None:
     """The figures of one bench, or of all."""
-    _check(options)
-
-    from rich.console import Console
-
-    from scenarios.bench.result import DATA_FOLDER, BenchmarkOptions, print_result, results_json
-    from scenarios.stages import Stages, environment
-
-    chosen = BenchmarkOptions(options.pairs, options.seed, options.data or DATA_FOLDER)
-    names = [options.name] if options.name else BENCHES
-    with one_core():
-        results = {name: bench(name)(Stages(Console(stderr=True)), chosen) for name in names}
-    if options.format == "json":
-        print(results_json(results, environment()))
-        return
-    for name, result in results.items():
-        print_result(name, result, environment())
-
-
-def _check(options: Options) -> None:
     if options.name and options.name not in BENCHES:
         raise InputError(f"unknown bench {options.name!r}: {nearest(options.name, BENCHES)}")
     if options.pairs < 1:
@@ -68,6 +24,19 @@ def _check(options: Options) -> None:
     check_seed(options.seed)
     if options.data is not None and not options.data.is_dir():
         raise InputError(f"--data: expected a folder, got {options.data}")
+
+    from rich.console import Console
+
+    from scenarios.stages import Stages, environment
+
+    names = [options.name] if options.name else BENCHES
+    with one_core():
+        results = {name: bench(name)(Stages(Console(stderr=True)), options) for name in names}
+    if options.format == "json":
+        print(results_json(results, environment()))
+        return
+    for name, result in results.items():
+        print_result(name, result, environment())
 
 
 @contextmanager
@@ -85,4 +54,4 @@ def one_core() -> Iterator[None]:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Options, COMMAND, run))
+    sys.exit(main(BenchmarkOptions, COMMAND, run))

@@ -1,7 +1,5 @@
-"""The building that the ray caster is timed in: rooms with doors and cupboards, as thin walls.
-
-The density is constant: ten times the segments make a building ten times as large, 40 × 30 m for 200 of
-them, with rooms of the same size.
+"""The building that the ray caster is timed in: rooms with doors and cupboards, as thin walls, of constant
+density: 40 × 30 m for 200 segments, ten times as large for ten times as many.
 """
 
 from __future__ import annotations

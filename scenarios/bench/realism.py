@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from tyro.conf import arg
@@ -20,12 +20,9 @@ from tyro.conf import arg
 from scenarios.catalogue import CATALOGUE
 from slam import se2
 from slam.cli import InputError, main, nearest
+from slam.recording import Recording
 from slam.se2 import Array
-from slam.table import ABSENT, Table
-
-if TYPE_CHECKING:
-    from slam.odometry.track import Track
-    from slam.recording import Recording
+from slam.table import ABSENT, Columns, Table
 
 COMMAND = "scenarios.bench.realism"
 
@@ -37,9 +34,28 @@ TURN_STEP, DRIVE_STEP = 0.05, 0.05
 """Turning and driving count from this much on [rad, m], so that quantisation does not count as motion."""
 TURN_WINDOW = 2.0 * np.pi
 """INS yaw errors are compared over this much turning [rad]."""
+DECIMALS = 2
+"""Of a pose or angle as USARSim prints it."""
 QUARTILES = (25, 50, 75)
 SLACK = 1e-6
 """Printed angles come in steps: equal ones may differ by the rounding of a percentile."""
+
+Figures = dict[tuple[str, str], float]
+"""Figures of a recording by name and unit; NaN where it is too short for one."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Print the figures of a real log beside the quartiles of simulated drives."""
+
+    log: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """A recording with truth, such as the log of the thesis's Experiment 1."""
+    seeds: Annotated[int, arg(metavar="N")] = 10
+    """Simulated are seeds 0 to N - 1."""
+    scenario: Annotated[str, arg(metavar="NAME")] = "hospital"
+    """Which scenario is simulated."""
+    format: Literal["table", "json"] = "table"
+    """What is printed on stdout."""
 
 
 @dataclass(frozen=True)
@@ -65,154 +81,28 @@ class Comparison:
         return "range" if self.least - SLACK <= self.real <= self.most + SLACK else "no"
 
 
-def compare(real: Recording | None, simulated: Sequence[Recording]) -> list[Comparison]:
-    """All figures of a real recording, or none, beside those of simulated ones. All need truth.
-
-    Figures that every simulated drive is too short for are left out.
-    """
-    drives = [measure(recording) for recording in simulated]
-    of_real = {} if real is None else measure(real)
-    comparisons = []
-    for name in drives[0]:
-        values = np.array([drive[name] for drive in drives])
-        values = values[np.isfinite(values)]
-        if len(values) == 0:
-            continue
-        low, median, high, least, most = np.percentile(values, [*QUARTILES, 0, 100]).tolist()
-        value = of_real.get(name, np.nan)
-        real_value = None if np.isnan(value) else value
-        comparisons.append(Comparison(*name, real_value, low, median, high, least, most))
-    return comparisons
-
-
-def measure(recording: Recording) -> dict[tuple[str, str], float]:
-    """Figures of one recording by (name, unit); NaN where it is too short for one.
-
-    Raises ``ValueError`` for a recording without truth.
-    """
-    if recording.truth is None:
-        raise ValueError(f"{recording.name}: expected a recording with truth")
-    ins, truth = printed(recording.dead_reckoning), printed(recording.truth)
-    return {
-        **_matching_figures(recording),
-        **({} if recording.attitude is None else _tilt_figures(printed(recording.attitude))),
-        **_drift_figures(ins, truth),
-        **_motion_figures(truth),
-    }
-
-
-def printed(values: Array, decimals: int = 2) -> Array:
-    """Poses or angles as USARSim prints them."""
-    return np.round(values, decimals)
-
-
-def _matching_figures(recording: Recording) -> dict[tuple[str, str], float]:
-    """What ManifoldSLAM's matcher makes of the scans, and how many beams come back."""
-    from slam.odometry.tracker import MANIFOLD_SLAM, track
-
-    tried = _tried(track(recording, MANIFOLD_SLAM))
-    beams = np.isfinite(recording.ranges).sum(axis=1)
-    return {
-        ("steps without a match", "%"): 100.0 * float(np.mean(tried == 0)),
-        **_quartiles("matches per step", "", tried),
-        **_quartiles("valid beams per scan", "", beams),
-    }
-
-
-def _tried(track: Track) -> np.ndarray:
-    """Matches of every step that was not skipped."""
-    from slam.odometry.track import Verdict
-
-    stepped = track.verdict != Verdict.SKIPPED
-    stepped[0] = False
-    return track.matches[stepped]
-
-
-def _tilt_figures(attitude: Array) -> dict[tuple[str, str], float]:
-    """Quantiles of roll and pitch off their running median, while the robot is upright."""
-    from scipy.ndimage import median_filter
-
-    attitude = attitude[np.abs(attitude).max(axis=1) < FALLEN]
-    shaking = np.degrees(np.abs(attitude - median_filter(attitude, (WINDOW, 1), mode="nearest")))
-    return {
-        (f"|{name}| {q} % quantile", "°"): float(np.percentile(shaking[:, k], q))
-        for k, name in enumerate(("roll", "pitch"))
-        for q in (50, 75, 90, 99)
-    }
-
-
-def _drift_figures(ins: Array, truth: Array) -> dict[tuple[str, str], float]:
-    """How the INS's errors grow with turning and driving."""
-    yaw_error = np.unwrap(ins[:, 2] - truth[:, 2])
-    yaw_error = np.degrees(yaw_error - yaw_error[0])
-    position_error = ins[:, :2] - truth[:, :2]
-    position_error = np.hypot(*(position_error - position_error[0]).T)
-    turned, driven = _counted(np.unwrap(truth[:, 2])[:, None], TURN_STEP), _counted(truth[:, :2], DRIVE_STEP)
-    at_turns = yaw_error[np.searchsorted(turned, np.arange(0.0, turned[-1], TURN_WINDOW))]
-    per_window = np.abs(np.diff(at_turns))
-    far = int(np.searchsorted(driven, 100.0))
-    return {
-        ("INS yaw error gained per radian turned, median", "°"): _or_nan(np.median, per_window) / TURN_WINDOW,
-        ("INS yaw error gained per radian turned, mean", "°"): _or_nan(np.mean, per_window) / TURN_WINDOW,
-        ("INS yaw error after 100 m", "°"): float(abs(yaw_error[far])) if far < len(truth) else np.nan,
-        ("INS position error after 100 m", "m"): float(position_error[far]) if far < len(truth) else np.nan,
-        ("turned per metre driven", "°"): float(np.degrees(turned[-1]) / max(driven[-1], DRIVE_STEP)),
-    }
-
-
-def _counted(values: Array, least: float) -> Array:
-    """Length ``(N,)`` of the path through ``values (N, d)``, in strides of at least ``least``."""
-    length = np.zeros(len(values))
-    anchor = values[0]
-    for k in range(1, len(values)):
-        stride = float(np.linalg.norm(values[k] - anchor))
-        length[k] = length[k - 1]
-        if stride >= least:
-            length[k] += stride
-            anchor = values[k]
-    return length
-
-
-def _or_nan(statistic: Callable[[Array], Any], values: Array) -> float:
-    return float(statistic(values)) if len(values) else np.nan
-
-
-def _motion_figures(truth: Array) -> dict[tuple[str, str], float]:
-    """How far the robot comes and turns from scan to scan."""
-    step = np.diff(truth, axis=0)
-    return {
-        **_quartiles("step per scan", "m", np.hypot(step[:, 0], step[:, 1])),
-        **_quartiles("turn per scan", "°", np.degrees(np.abs(se2.wrap(step[:, 2])))),
-    }
-
-
-def _quartiles(name: str, unit: str, values: Array) -> dict[tuple[str, str], float]:
-    quartiles = np.percentile(values, QUARTILES) if len(values) else np.full(3, np.nan)
-    return {(f"{name}, {q} %", unit): float(v) for q, v in zip(QUARTILES, quartiles, strict=True)}
-
-
-@dataclass(frozen=True)
-class Options:
-    """Print the figures of a real log beside the quartiles of simulated drives."""
-
-    log: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
-    """A recording with truth, such as the log of the thesis's Experiment 1."""
-    seeds: Annotated[int, arg(metavar="N")] = 10
-    """Simulated are seeds 0 to N - 1."""
-    scenario: Annotated[str, arg(metavar="NAME")] = "hospital"
-    """Which scenario is simulated."""
-    format: Literal["table", "json"] = "table"
-    """What is printed on stdout."""
+COLUMNS: Columns = (
+    ("figure", lambda one: one.name),
+    ("unit", lambda one: one.unit),
+    ("real", lambda one: ABSENT if one.real is None else f"{one.real:.3g}"),
+    ("simulated 25 %", lambda one: f"{one.low:.3g}"),
+    ("50 %", lambda one: f"{one.median:.3g}"),
+    ("75 %", lambda one: f"{one.high:.3g}"),
+    ("least", lambda one: f"{one.least:.3g}"),
+    ("most", lambda one: f"{one.most:.3g}"),
+    ("brackets the real one", lambda one: one.bracketed or ABSENT),
+)
 
 
 def run(options: Options) -> None:
     """Measure, compare, and print."""
     comparisons = against_simulated(options.log, options.seeds, options.scenario)
     if options.format == "json":
-        print(as_json(comparisons))
+        print(json.dumps([{**asdict(c), "bracketed": c.bracketed} for c in comparisons], indent=1))
         return
     name = "nothing real" if options.log is None else options.log.name
-    tabulate(comparisons, f"{name} beside {options.scenario}, seeds 0 to {options.seeds - 1}").print()
+    title = f"{name} beside {options.scenario}, seeds 0 to {options.seeds - 1}"
+    Table.of(comparisons, COLUMNS, title).print()
 
 
 def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Comparison]:
@@ -237,20 +127,100 @@ def against_simulated(log: Path | None, seeds: int, scenario: str) -> list[Compa
     return compare(real, [simulate(CATALOGUE[scenario], seed).recording for seed in range(seeds)])
 
 
-def tabulate(comparisons: Sequence[Comparison], title: str) -> Table:
-    """A row for each figure: real, the simulated quartiles, and whether these lie around it."""
-    columns = ("figure", "unit", "real", "simulated 25 %", "50 %", "75 %", "least", "most")
-    rows = []
-    for c in comparisons:
-        values = (c.real, c.low, c.median, c.high, c.least, c.most)
-        numbers = [ABSENT if value is None else f"{value:.3g}" for value in values]
-        rows.append((c.name, c.unit, *numbers, c.bracketed or ABSENT))
-    return Table((*columns, "brackets the real one"), rows, title)
+def compare(real: Recording | None, simulated: Sequence[Recording]) -> list[Comparison]:
+    """All figures of a real recording, or none, beside simulated ones, but those that all of these are too
+    short for. All need truth."""
+    drives = [measure(recording) for recording in simulated]
+    of_real = {} if real is None else measure(real)
+    comparisons = []
+    for name in drives[0]:
+        values = np.array([drive[name] for drive in drives])
+        values = values[np.isfinite(values)]
+        if len(values):
+            value = of_real.get(name, np.nan)
+            quantiles = np.percentile(values, [*QUARTILES, 0, 100]).tolist()
+            comparisons.append(Comparison(*name, None if np.isnan(value) else value, *quantiles))
+    return comparisons
 
 
-def as_json(comparisons: Sequence[Comparison]) -> str:
-    """The figures as a JSON list."""
-    return json.dumps([{**asdict(c), "bracketed": c.bracketed} for c in comparisons], indent=1)
+def measure(recording: Recording) -> Figures:
+    """Figures of one recording. Raises ``ValueError`` for one without truth."""
+    if recording.truth is None:
+        raise ValueError(f"{recording.name}: expected a recording with truth")
+    ins, truth = np.round(recording.dead_reckoning, DECIMALS), np.round(recording.truth, DECIMALS)
+    step = np.diff(truth, axis=0)
+    return {
+        **_matching_figures(recording),
+        **({} if recording.attitude is None else _tilt_figures(np.round(recording.attitude, DECIMALS))),
+        **_drift_figures(ins, truth),
+        **_quartiles("step per scan", "m", np.hypot(step[:, 0], step[:, 1])),
+        **_quartiles("turn per scan", "°", np.degrees(np.abs(se2.wrap(step[:, 2])))),
+    }
+
+
+def _matching_figures(recording: Recording) -> Figures:
+    """What ManifoldSLAM's matcher makes of the scans, and how many beams come back."""
+    from slam.odometry.track import Verdict
+    from slam.odometry.tracker import MANIFOLD_SLAM, track
+
+    tracked = track(recording, MANIFOLD_SLAM)
+    matches = tracked.matches[1:][tracked.verdict[1:] != Verdict.SKIPPED]
+    return {
+        ("steps without a match", "%"): 100.0 * float(np.mean(matches == 0)),
+        **_quartiles("matches per step", "", matches),
+        **_quartiles("valid beams per scan", "", np.isfinite(recording.ranges).sum(axis=1)),
+    }
+
+
+def _tilt_figures(attitude: Array) -> Figures:
+    """Quantiles of roll and pitch off their running median, while the robot is upright."""
+    from scipy.ndimage import median_filter
+
+    attitude = attitude[np.abs(attitude).max(axis=1) < FALLEN]
+    shaking = np.degrees(np.abs(attitude - median_filter(attitude, (WINDOW, 1), mode="nearest")))
+    return {
+        (f"|{name}| {q} % quantile", "°"): float(np.percentile(shaking[:, k], q))
+        for k, name in enumerate(("roll", "pitch"))
+        for q in (50, 75, 90, 99)
+    }
+
+
+def _drift_figures(ins: Array, truth: Array) -> Figures:
+    """How the INS's errors grow with turning and driving."""
+    yaw_error = np.unwrap(ins[:, 2] - truth[:, 2])
+    yaw_error = np.degrees(yaw_error - yaw_error[0])
+    position_error = ins[:, :2] - truth[:, :2]
+    position_error = np.hypot(*(position_error - position_error[0]).T)
+    turned = _path_length(np.unwrap(truth[:, 2])[:, None], TURN_STEP)
+    driven = _path_length(truth[:, :2], DRIVE_STEP)
+    at_turns = yaw_error[np.searchsorted(turned, np.arange(0.0, turned[-1], TURN_WINDOW))]
+    gained = np.abs(np.diff(at_turns)) if len(at_turns) > 1 else np.array([np.nan])
+    far = int(np.searchsorted(driven, 100.0))
+    there = far < len(truth)
+    return {
+        ("INS yaw error gained per radian turned, median", "°"): float(np.median(gained)) / TURN_WINDOW,
+        ("INS yaw error gained per radian turned, mean", "°"): float(np.mean(gained)) / TURN_WINDOW,
+        ("INS yaw error after 100 m", "°"): float(abs(yaw_error[far])) if there else np.nan,
+        ("INS position error after 100 m", "m"): float(position_error[far]) if there else np.nan,
+        ("turned per metre driven", "°"): float(np.degrees(turned[-1]) / max(driven[-1], DRIVE_STEP)),
+    }
+
+
+def _path_length(values: Array, least: float) -> Array:
+    """Length ``(N,)`` of the path through ``values (N, d)``, in strides of at least ``least``."""
+    length, anchor = np.zeros(len(values)), values[0]
+    for k in range(1, len(values)):
+        stride = float(np.linalg.norm(values[k] - anchor))
+        length[k] = length[k - 1]
+        if stride >= least:
+            length[k] += stride
+            anchor = values[k]
+    return length
+
+
+def _quartiles(name: str, unit: str, values: Array) -> Figures:
+    quartiles = np.percentile(values, QUARTILES) if len(values) else np.full(3, np.nan)
+    return {(f"{name}, {q} %", unit): float(v) for q, v in zip(QUARTILES, quartiles, strict=True)}
 
 
 if __name__ == "__main__":

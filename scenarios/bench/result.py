@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
+from typing import Annotated, Any, Literal
 
-from slam.table import Table
+from tyro.conf import Positional, arg
+
+from scenarios.bench.suite import BENCHES
+from scenarios.stages import timed
+from slam.table import Columns, Table
 
 Call = Callable[[], object]
-Machine = Mapping[str, object]
+Machine = Mapping[str, Any]
 
 DATA_FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data"
 """Folder of real recordings, beside the checkout."""
@@ -20,14 +23,23 @@ DATA_FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 @dataclass(frozen=True)
 class BenchmarkOptions:
-    """What may be chosen of a bench."""
+    """Measure on one core, in processor time, and print the median and the range of several repetitions.
 
-    pairs: int = 300
-    """Pairs of scans of each kind."""
-    seed: int = 0
-    """What pairs, noise and guesses are drawn from."""
-    data: Path = DATA_FOLDER
-    """Folder of the real recordings."""
+    The best repetition is what the code can do; how far the others are from it is what else the machine did.
+    matching: also success, honesty and accuracy of scan matchers, beside others (extra [peers]) if installed.
+    """
+
+    name: Positional[Annotated[str, arg(metavar="|".join(BENCHES), help_behavior_hint="")]] = ""
+    """Which bench to run; all without a name."""
+    format: Literal["table", "json"] = "table"
+    """What is printed on stdout; json has everything that was measured."""
+    pairs: Annotated[int, arg(metavar="N")] = 300
+    """matching: pairs of scans of each kind, simulated and from each log."""
+    seed: Annotated[int, arg(metavar="K")] = 0
+    """matching: what the pairs, their noise and the guesses are drawn from."""
+    data: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """matching: folder of the real recordings (carmen/intel.raw.log.gz, usarsim/iro2012-pre2/Robot1.log),
+    by default ../shared/data beside the checkout. What is not there is left out."""
 
 
 @dataclass(frozen=True)
@@ -63,40 +75,15 @@ class BenchmarkResult:
 def time_calls(calls: Mapping[str, Call], repetitions: int) -> dict[str, tuple[float, ...]]:
     """Processor time [s] of every call in every repetition, after one that is not counted (it may compile).
 
-    On an idle core that is the wall time; on a shared one it leaves out the turns of others. The calls take
-    turns, so that whatever else the machine does meets all of them.
+    The calls take turns, so that whatever else the machine does meets all of them.
     """
     seconds: dict[str, list[float]] = {name: [] for name in calls}
     for call in calls.values():
         call()
     for _ in range(repetitions):
         for name, call in calls.items():
-            started = time.process_time()
-            call()
-            seconds[name].append(time.process_time() - started)
+            seconds[name].append(timed(call)[1])
     return {name: tuple(times) for name, times in seconds.items()}
-
-
-def print_result(name: str, result: BenchmarkResult, machine: Machine) -> None:
-    """Tables, then median and range of every figure, notes, and the machine, on stdout."""
-    for table in result.tables:
-        table.print()
-    if result.figures:
-        _figure_table(name, result.figures).print()
-    for note in result.notes:
-        print(note)
-    packages = machine["packages"]
-    assert isinstance(packages, Mapping)
-    versions = ", ".join(f"{name} {packages[name]}" for name in ("numpy", "numba", "pymunk"))
-    print(f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}, {versions}")
-
-
-def _figure_table(title: str, figures: Sequence[Figure]) -> Table:
-    rows = []
-    for f in figures:
-        spread = f"{three_digits(min(f.values))}–{three_digits(max(f.values))}" if len(f.values) > 1 else ""
-        rows.append((f.name, three_digits(f.median), spread, f.unit, str(len(f.values)), f.note))
-    return Table(("figure", "median", "min–max", "unit", "n", "note"), rows, title)
 
 
 def three_digits(value: float) -> str:
@@ -106,20 +93,46 @@ def three_digits(value: float) -> str:
     return f"{value:.3g}" if abs(value) < 100.0 else f"{value:.0f}"
 
 
+def _range(figure: Figure) -> str:
+    low, high = min(figure.values), max(figure.values)
+    return f"{three_digits(low)}–{three_digits(high)}" if len(figure.values) > 1 else ""
+
+
+FIGURE_COLUMNS: Columns = (
+    ("figure", lambda figure: figure.name),
+    ("median", lambda figure: three_digits(figure.median)),
+    ("min–max", _range),
+    ("unit", lambda figure: figure.unit),
+    ("n", lambda figure: str(len(figure.values))),
+    ("note", lambda figure: figure.note),
+)
+
+
+def print_result(name: str, result: BenchmarkResult, machine: Machine) -> None:
+    """Tables, then median and range of every figure, notes, and the machine, on stdout."""
+    for table in result.tables:
+        table.print()
+    if result.figures:
+        Table.of(result.figures, FIGURE_COLUMNS, name).print()
+    for note in result.notes:
+        print(note)
+    versions = ", ".join(f"{name} {machine['packages'][name]}" for name in ("numpy", "numba", "pymunk"))
+    print(f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}, {versions}")
+
+
 def results_json(results: Mapping[str, BenchmarkResult], machine: Machine) -> str:
     """Every bench's figures with all their repetitions, its records and notes, and the machine."""
-    figures = {
-        name: [
-            asdict(f) | {"median": f.median, "min": min(f.values), "max": max(f.values)}
-            for f in result.figures
-        ]
-        for name, result in results.items()
-    }
-    content = {
-        "schema": 1,
-        "environment": dict(machine),
-        "benches": figures,
-        "records": {name: dict(result.records) for name, result in results.items() if result.records},
-        "notes": {name: list(result.notes) for name, result in results.items() if result.notes},
-    }
-    return json.dumps(content, indent=2)
+    from scenarios.jsonable import document
+
+    return document(
+        environment=machine,
+        benches={
+            name: [
+                asdict(f) | {"median": f.median, "min": min(f.values), "max": max(f.values)}
+                for f in result.figures
+            ]
+            for name, result in results.items()
+        },
+        records={name: result.records for name, result in results.items() if result.records},
+        notes={name: result.notes for name, result in results.items() if result.notes},
+    )

@@ -17,10 +17,10 @@ MODULES = (
 """Our scripts in the order they are read; what one defines, those after it use."""
 
 
-def template(name: str) -> jinja2.Template:
-    """A template, in which everything is escaped that is not marked as safe."""
+def template(name: str, folder: Path = TEMPLATES) -> jinja2.Template:
+    """A template of a folder, in which everything is escaped that is not marked as safe."""
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
+        loader=jinja2.FileSystemLoader(folder),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -18,7 +18,7 @@ from scenarios.bench import suite
 from scenarios.bench.building import building, free_poses
 from scenarios.bench.result import BenchmarkOptions, BenchmarkResult, Figure, three_digits, time_calls
 from scenarios.bench.suite import sim as bench
-from scenarios.stages import Stages
+from scenarios.stages import Stages, timed
 from sim.laser import Raycaster
 from slam.cli import main
 from slam.table import Table
@@ -64,6 +64,12 @@ def test_figures_are_compared_repetition_by_repetition():
     fast, slow = Figure("fast", "M rays/s", (4.0, 9.0, 2.0)), Figure("slow", "M rays/s", (1.0, 3.0, 1.0))
     assert fast.median == 4.0
     assert fast.per(slow, "fast / slow").values == (4.0, 3.0, 2.0)
+
+
+def test_a_timed_call_is_called_once_with_its_arguments():
+    result, seconds = timed(lambda count: sum(range(count)), 300_000)
+    assert result == 44_999_850_000
+    assert 0.0 < seconds < 1.0
 
 
 def test_calls_take_turns_and_the_first_is_not_counted():
@@ -124,7 +130,7 @@ def pretend(monkeypatch, *words: str) -> int:
     )
     monkeypatch.setattr(command, "bench", lambda name: lambda stages, options: result)
     monkeypatch.setattr(sys, "argv", ["bench", *words])
-    return main(command.Options, command.COMMAND, command.run)
+    return main(command.BenchmarkOptions, command.COMMAND, command.run)
 
 
 def test_the_table_has_median_range_and_machine(monkeypatch, capsys):

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2
 
 from scenarios.bench import __main__ as command
-from scenarios.bench.matching import calibration, cost, third_party_matchers
+from scenarios.bench.matching import calibration, cost, matchers
 from scenarios.bench.matching import pairs as making
 from scenarios.bench.matching.matchers import ABLATION, OURS, VARIANTS, Variant
 from scenarios.bench.matching.scores import Matcher, PoseEstimate, measure, score
@@ -135,7 +135,7 @@ def test_every_variant_answers(built):
 
 def test_trials_average_errors_and_claims():
     errors = np.array([[0.03, 0.0, 0.0], [0.0, 0.04, 0.002]])
-    t = calibration.Trials((), errors, np.stack([SIGMA, 4.0 * SIGMA]))
+    t = calibration.Trials(errors, np.stack([SIGMA, 4.0 * SIGMA]))
     np.testing.assert_allclose(t.rms, [0.03 / np.sqrt(2), 0.04 / np.sqrt(2), 0.002 / np.sqrt(2)])
     np.testing.assert_allclose(t.claimed, np.sqrt(2.5) * np.array([0.01, 0.01, 0.001]))
     assert t.anees == pytest.approx((9.0 + (16.0 + 4.0) / 4.0) / 2.0 / 3.0)
@@ -161,40 +161,40 @@ def test_errors_are_turned_to_the_axes_of_the_world():
 
 
 def test_peers_that_are_not_installed_say_how(monkeypatch):
-    monkeypatch.setattr(third_party_matchers, "find_spec", lambda name: None)
-    missing = dict.fromkeys(("small_gicp", "open3d"), third_party_matchers.INSTALL)
-    assert third_party_matchers.third_party_matchers() == ({}, missing)
+    monkeypatch.setattr(matchers, "find_spec", lambda name: None)
+    missing = dict.fromkeys(("small_gicp", "open3d"), matchers.INSTALL)
+    assert matchers.third_party_matchers() == ({}, missing)
 
 
 def test_a_peer_that_cannot_be_imported_says_why(monkeypatch):
     def broken(name):
         raise ImportError("libusb-1.0.so.0: cannot open shared object file")
 
-    monkeypatch.setattr(third_party_matchers, "find_spec", lambda name: object())
-    monkeypatch.setattr(third_party_matchers, "import_module", broken)
-    assert "libusb" in third_party_matchers.third_party_matchers()[1]["open3d"]
+    monkeypatch.setattr(matchers, "find_spec", lambda name: object())
+    monkeypatch.setattr(matchers, "import_module", broken)
+    assert "libusb" in matchers.third_party_matchers()[1]["open3d"]
 
 
 def test_small_gicp_finds_what_it_should(built):
     small_gicp = pytest.importorskip("small_gicp")
     truth = np.array([p.T_reference_scan for p in built.pairs])
-    matcher = third_party_matchers.small_gicp_matchers(small_gicp)[third_party_matchers.GICP]
+    matcher = matchers.small_gicp_matchers(small_gicp)[matchers.GICP]
     assert measure(matcher, built.pairs, truth).success == 1.0
 
 
 def test_points_of_peers_are_those_of_our_scans(built):
     mounted = replace(built.pairs[0], laser=replace(making.LASER, T_robot_laser=np.array([0.1, 0.2, 0.3])))
     # As measured: ours are drawn to the line of their neighbours.
-    np.testing.assert_allclose(third_party_matchers.points(mounted, 1), mounted.scans[1].points, atol=0.04)
-    space = third_party_matchers.extruded(mounted, 1)
+    np.testing.assert_allclose(matchers.points(mounted, 1), mounted.scans[1].points, atol=0.04)
+    space = matchers.extruded(mounted, 1)
     assert space.shape == (3 * len(mounted.scans[1]), 3)
-    assert set(space[:, 2]) == {-third_party_matchers.LAYERS, 0.0, third_party_matchers.LAYERS}
+    assert set(space[:, 2]) == {-matchers.LAYERS, 0.0, matchers.LAYERS}
 
 
 def test_poses_of_the_plane_survive_space():
     pose = np.array([1.0, -2.0, 0.7])
-    np.testing.assert_allclose(third_party_matchers.to_plane(third_party_matchers.to_space(pose)), pose)
-    x, y, z, _ = third_party_matchers.to_space(pose) @ [1.0, 2.0, 3.0, 1.0]
+    np.testing.assert_allclose(matchers.to_plane(matchers.to_space(pose)), pose)
+    x, y, z, _ = matchers.to_space(pose) @ [1.0, 2.0, 3.0, 1.0]
     np.testing.assert_allclose([[x, y]], se2.transform(pose, [[1.0, 2.0]]))
     assert z == 3.0
 
@@ -218,7 +218,7 @@ def test_what_is_ready_is_made_once_and_ranges_are_read_every_time(built):
 
     found = cost.match_times({"a": Matcher(read, prepare, match)}, built.pairs[:1], np.zeros((1, 3)))
     assert made == ["read", "read", "prepare", "prepare", "match", "match"]
-    assert 0.0 <= found["a"].scans <= found["a"].ranges
+    assert 0.0 <= found["a"]["scans"] <= found["a"]["ranges"]
 
 
 def test_the_long_drive_returns_to_where_it_was():
@@ -243,9 +243,9 @@ def run_small(monkeypatch, *words: str) -> int:
         "RUNS": 1,
     }.items():
         monkeypatch.setattr(cost, name, value)
-    monkeypatch.setattr(third_party_matchers, "find_spec", lambda name: None)
+    monkeypatch.setattr(matchers, "find_spec", lambda name: None)
     monkeypatch.setattr(sys, "argv", ["bench", "matching", "--pairs", "3", *words])
-    return main(command.Options, command.COMMAND, command.run)
+    return main(command.BenchmarkOptions, command.COMMAND, command.run)
 
 
 def test_json_has_every_score(monkeypatch, capsys, logs):
@@ -288,7 +288,7 @@ def test_ellipses_hold_95_percent():
     rng = np.random.default_rng(0)
     covariance = np.diag([4.0, 1.0, 1.0])
     errors = rng.multivariate_normal(np.zeros(3), covariance, 2000)
-    found = calibration.Trials((), errors, np.broadcast_to(covariance, (2000, 3, 3)))
+    found = calibration.Trials(errors, np.broadcast_to(covariance, (2000, 3, 3)))
     assert corridor.coverage(found) == pytest.approx(0.95, abs=0.015)
     x, y = corridor.ellipse(covariance[:2, :2])
     np.testing.assert_allclose(x**2 / 4.0 + y**2, corridor.CHI2_2_95)

@@ -15,6 +15,7 @@ from slam.cli import InputError
 from slam.formats import load, recording_npz
 from slam.recording import Laser, Recording
 from slam.se2 import Array
+from slam.table import Table
 
 ROOM = 2.0
 
@@ -138,8 +139,7 @@ def test_quartiles_are_over_the_simulated_drives() -> None:
     assert step.real == pytest.approx(0.2, abs=0.01)
     assert "INS yaw error after 100 m" not in figures  # all too short
     assert {figure.real for figure in realism.compare(None, drives[:1])} == {None}
-    assert len(realism.tabulate(list(figures.values()), "t").rows) == len(figures)
-    assert '"bracketed"' in realism.as_json(list(figures.values()))
+    assert len(Table.of(figures.values(), realism.COLUMNS).rows) == len(figures)
 
 
 def test_truth_is_needed() -> None:

@@ -1,10 +1,11 @@
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from scenarios.jsonable import jsonable
+from scenarios.jsonable import document, jsonable
 from scenarios.report.page import facts
 from scenarios.run_folder.directory import check, prepare, publish, safe_name
 from scenarios.run_folder.write import Run, segments, stitches
@@ -81,6 +82,7 @@ def test_values_become_strict_json():
         "1": {"limit": "inf", "where": "a/b", "table": [[1.0, "nan"]], "verdict": "SKIPPED"},
         "n": [3, None],
     }
+    assert json.loads(document(limit=np.inf, names=("a",))) == {"schema": 1, "limit": None, "names": ["a"]}
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.ablate.study import STUDIES
+from scenarios.ablate.options import STUDIES
 from scenarios.sweep import Answer, Failure, Trial, check, executors, finish, sweep, version, write_results
 from scenarios.sweep.progress import Progress
 from scenarios.sweep.run import summary_lines
@@ -288,7 +288,7 @@ def test_the_version_is_that_of_the_code(tmp_path: Path) -> None:
 def test_no_trial_imports_what_the_version_leaves_out() -> None:
     """All that the scenarios, methods and scores are made of counts."""
     code = (
-        "import sys; import scenarios.ablate.method_variants, scenarios.ablate.stitching_trials;"
+        "import sys; import scenarios.ablate.study.methods, scenarios.ablate.study.stitching;"
         "import scenarios.evaluation;"
         "import stitch.mapping.offline, scenarios.methods.htms, scenarios.methods.oracle;"
         "import scenarios.source, scenarios.methods.warm_up, scenarios.sweep.attempt, sim.record;"

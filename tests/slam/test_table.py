@@ -14,6 +14,13 @@ TABLE = Table(
 )
 
 
+def test_columns_make_the_cells_of_a_record() -> None:
+    columns = (("name", lambda one: one[0]), ("twice", lambda one: str(2 * one[1])))
+    made = Table.of([("a", 1), ("b", 2)], columns, "title", notes=("note",))
+    assert (made.columns, made.rows) == (["name", "twice"], [["a", "2"], ["b", "4"]])
+    assert (made.title, made.names, made.notes) == ("title", 1, ("note",))
+
+
 def test_console_aligns_numbers_right_and_cuts_nothing() -> None:
     lines = TABLE.console().splitlines()
     assert lines[0].strip() == "50 % & more"

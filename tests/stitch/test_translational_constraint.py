@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate.translational_constraint import translational_constraint
+from scenarios.ablate.pair_sampling import translational_constraint
 from slam.mapping.submap import Submap
 
 

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 
-from scenarios.ablate.segmentation.drive import LabelledDrive, steps_of
-from scenarios.evaluation.maps import f1, map_at, occupied_cells
+from scenarios.ablate.trial_io import pack, unpack
+from scenarios.evaluation.maps import f1, map_at, occupied_cells, true_map
 from scenarios.evaluation.segmentation import purity, true_errors
 from scenarios.evaluation.trajectory import aligned
+from scenarios.source import simulated
+from scenarios.stages import timed
 from scenarios.sweep import Answer, Trial
 from slam import se2
+from slam.mapping.occupancy import Grid
 from slam.odometry.dead_reckoning import DeadReckoning
+from slam.odometry.ego_motion_filter import remove_co_moving_points
 from slam.odometry.segmentation import THRESHOLDS, Segment, SegmentationConfig, lost_steps, split_at_losses
 from slam.odometry.track import Track, Verdict
-from slam.odometry.tracker import FrontendConfig, track
+from slam.odometry.tracker import MANIFOLD_SLAM, FrontendConfig, track
 from slam.recording import Recording
+from slam.scan import Scan, scans_of
 from slam.se2 import Array
 from stitch.align import align
 from stitch.mapping import MappingConfig
@@ -46,15 +50,69 @@ LEAN = replace(
 """A third of its cost: longer pieces, fewer stitches tried, a smaller bundle."""
 
 
+@dataclass(frozen=True)
+class LabelledDrive:
+    """A recording with truth, its scans without co-moving points, the track of ManifoldSLAM's front end (ours
+    is hardly ever lost), and the map drawn with true poses."""
+
+    recording: Recording
+    scans: list[Scan]
+    track: Track
+    true_map: Grid
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The M steps of a track that were tried: ``scan (M,)``, ``error (M,)`` in units of a failure, and every
+    measure ``(M,)`` by name, +inf where nothing matched and NaN where it could not be measured."""
+
+    scan: np.ndarray
+    error: Array
+    columns: dict[str, Array]
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Steps ``(M,)`` bool that are off by more than a failure."""
+        return self.error > 1.0
+
+    @property
+    def matched(self) -> np.ndarray:
+        """Steps ``(M,)`` bool with at least one match."""
+        return np.isfinite(self.columns["neg_matches"])
+
+    def to_bytes(self) -> bytes:
+        """The steps as an .npz file."""
+        return pack({"scan": self.scan, "error": self.error, **self.columns})
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Steps:
+        """What `to_bytes` wrote."""
+        arrays = unpack(data)
+        return cls(arrays.pop("scan"), arrays.pop("error"), arrays)
+
+
+def label_drive(scenario: str, seed: int) -> LabelledDrive:
+    """Simulate a drive and let ManifoldSLAM track it, once for all trials of the drive."""
+    recording = simulated(scenario, seed).recording
+    scans = remove_co_moving_points(recording, scans_of(recording))
+    drawn = true_map(recording)
+    assert drawn is not None
+    return LabelledDrive(recording, scans, track(recording, MANIFOLD_SLAM, scans), drawn)
+
+
+def steps_of(recording: Recording, track: Track) -> Steps:
+    """The steps of a track. Raises ``ValueError`` for a recording without truth."""
+    errors = true_errors(track, recording)
+    rows = np.flatnonzero(np.isfinite(errors))
+    return Steps(rows, errors[rows], {name: values[rows] for name, values in track.confidence.items()})
+
+
 def trials(
     scenarios: Sequence[str], seeds: Sequence[int], cutters: Sequence[str], thorough: bool
 ) -> list[Trial]:
     """For every drive its detection, and a map for every cutter."""
-    listed = []
-    for scenario, seed in product(scenarios, seeds):
-        listed.append(Trial(STUDY, scenario, seed, DETECTION))
-        listed += [Trial(STUDY, scenario, seed, cutter, {"thorough": thorough}) for cutter in cutters]
-    return listed
+    methods = [(DETECTION, {}), *((cutter, {"thorough": thorough}) for cutter in cutters)]
+    return [Trial(STUDY, *drive, *method) for drive in product(scenarios, seeds) for method in methods]
 
 
 def run_trial(trial: Trial, drive: LabelledDrive) -> Answer:
@@ -72,27 +130,18 @@ def detect_failures(drive: LabelledDrive) -> Answer:
 
 def map_cut_drive(trial: Trial, drive: LabelledDrive) -> Answer:
     """The segments that a cutter makes of the drive, the map that slamstitch makes of them, and its processor
-    time [s]."""
+    time [s]; of the metrics of `scenarios.evaluation` only two, as the others would cost as much again."""
     recording, track = drive.recording, drive.track
     assert recording.truth is not None
     lost = predict_failures(drive, trial.method)
     sound = purity(segments_from(track, lost), track.poses, recording.truth)
-    started = time.process_time()
-    poses = map_with_cuts(drive, lost, THOROUGH if trial.config["thorough"] else LEAN)
-    seconds = time.process_time() - started
-    pieces = {"pieces": sound.count, "kept": sound.kept, "pure": sound.pure, "drift": sound.drift}
-    return Answer([{**trajectory_scores(poses, drive), **pieces, "seconds": seconds}])
-
-
-def trajectory_scores(poses: Array, drive: LabelledDrive) -> dict[str, float]:
-    """``ate_rmse`` [m] and ``map_f1`` of poses ``(N, 3)`` as `scenarios.evaluation` has them, without its
-    other metrics, which would cost as much again."""
-    recording = drive.recording
-    assert recording.truth is not None
+    poses, seconds = timed(map_with_cuts, drive, lost, THOROUGH if trial.config["thorough"] else LEAN)
     best = aligned(poses, recording.truth)
     squared = np.sum((best - recording.truth)[:, :2] ** 2, axis=1)
-    cells = occupied_cells(map_at(recording, best))
-    return {"ate_rmse": float(np.sqrt(squared.mean())), "map_f1": f1(cells, occupied_cells(drive.true_map))}
+    right = f1(occupied_cells(map_at(recording, best)), occupied_cells(drive.true_map))
+    scores = {"ate_rmse": float(np.sqrt(squared.mean())), "map_f1": right, "seconds": seconds}
+    pieces = {"pieces": sound.count, "kept": sound.kept, "pure": sound.pure, "drift": sound.drift}
+    return Answer([pieces | scores])
 
 
 def predict_failures(drive: LabelledDrive, cutter: str) -> np.ndarray:
@@ -112,8 +161,7 @@ def segments_from(track: Track, lost: np.ndarray) -> tuple[Segment, ...]:
 
 
 def splice_dead_reckoning(recording: Recording, track: Track, lost: np.ndarray) -> Track:
-    """The track with dead reckoning in place of the ``lost (N,)`` steps; every other step stays as the front
-    end accepted it."""
+    """The track with dead reckoning in place of the ``lost (N,)`` steps, as it was at the others."""
     reckoning = DeadReckoning(recording)
     poses, steps = track.poses.copy(), se2.between(track.poses[track.reference], track.poses)
     last = 0

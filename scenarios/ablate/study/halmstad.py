@@ -3,52 +3,42 @@
 from __future__ import annotations
 
 import io
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-import tyro
+from scipy.spatial import cKDTree
 
-from scenarios.jsonable import jsonable
+from scenarios.ablate.options import HalmstadOptions
+from scenarios.ablate.study.stitching import count_outcomes, score_alignment
+from scenarios.jsonable import document
 from scenarios.options import parse_names
+from scenarios.stages import timed
+from slam import se2
 from slam.cli import InputError
-from slam.table import Table, number, with_interval
+from slam.mapping.occupancy import Grid
+from slam.mapping.submap import Submap
+from slam.se2 import Array
+from slam.table import Columns, Table, number
+from stitch.align import METHODS, AlignConfig, NoStitch, align
+from stitch.alignment.walls import surfaces
+from stitch.command.maps import cropped
 
-if TYPE_CHECKING:
-    from slam.se2 import Array
-
+RESOLUTION = 0.05
+"""Assumed metres to a pixel: the maps do not state it."""
+MOST_SCALE, MOST_RESIDUAL = 0.03, 16.0
+"""A pair is scored whose fitted scale differs from 1 by less and whose residual is less (pixels, rms)."""
+WALL, OPEN = 60, 200
+"""Grey levels: at most that of a wall, at least that of free space; what lies between is unknown."""
 LIMIT = (1.0, np.radians(3.0))
 """An alignment of annotated maps is right within this (m at the middle of the keypoints, rad)."""
-REACH = 3.0
-"""Pixels within which a wall of Experiment 3's second piece counts as one of the first."""
-PIECES_RESOLUTION = 0.05
-"""Metres to a pixel of Experiment 3's pieces."""
+REACH = 3.0 * RESOLUTION
+"""Distance [m] within which a wall of Experiment 3's second piece counts as one of the first."""
 HEIGHT, DPI = 7.0, 110
 """Of `comparison_image`: its height [inch] and resolution."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """Align real maps of one building with each other; nothing is tuned on them.
-
-    Halmstad's maps were drawn by a hand-held device and are bent; keypoints were annotated by hand. A pair is
-    scored where its keypoints fit a similarity with a scale within 3 % of 1 and a residual under 16 pixels;
-    an alignment is right within 1 m and 3° (a pixel taken as 5 cm). Experiment 3 has no truth: what is
-    reported is the share of the second piece's walls within 3 pixels of the first's.
-    """
-
-    data: Path = Path("../shared/data")
-    """The folder with halmstad/ and maps/exp3/."""
-    methods: str = "joint,akaze,orb"
-    """Methods by name, with commas between."""
-    format: Literal["table", "json"] = "table"
-    """What is printed on stdout."""
-    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """A folder for exp3.png: the answers on Experiment 3 beside Formsma's own map."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +67,16 @@ class PiecesResult:
     reason: str
 
 
-def run(options: Options) -> None:
-    """Every method on every pair, and on the two pieces."""
-    from stitch.align import METHODS
+PIECES_COLUMNS: Columns = (
+    ("method", lambda one: one.method),
+    ("share", lambda one: number(one.share, 2)),
+    ("answer", lambda one: "accepted" if one.accepted else f"refused: {one.reason}"),
+    ("s", lambda one: number(one.seconds, 2)),
+)
 
+
+def run(options: HalmstadOptions) -> None:
+    """Every method on every pair, and on the two pieces."""
     methods = parse_names(options.methods, METHODS, "method")
     halmstad, pieces = options.data / "halmstad", options.data / "maps" / "exp3"
     if not options.data.is_dir():
@@ -95,52 +91,127 @@ def run(options: Options) -> None:
         options.out.mkdir(parents=True, exist_ok=True)
         (options.out / "exp3.png").write_bytes(comparison_image(pieces, placed))
     if options.format == "json":
-        content = {"schema": 1, "study": "halmstad", "pairs": pairs, "exp3": shares}
-        print(json.dumps(jsonable(content), indent=2))
+        print(document(study="halmstad", pairs=pairs, exp3=shares))
         return
     if pairs:
         pairs_table(pairs).print()
     if shares:
-        pieces_table(shares).print()
+        title = "Experiment 3: share of part2's walls within 3 pixels of part1's"
+        Table.of(shares, PIECES_COLUMNS, title, names=4).print()
+
+
+@dataclass(frozen=True)
+class AnnotatedPair:
+    """Two maps and the rigid ``T_a_b (3,)`` m that their annotations fit best; ``middle_b (2,)`` m is the
+    middle of b's keypoints, ``residual`` their rms error in pixels."""
+
+    a: str
+    b: str
+    T_a_b: Array
+    middle_b: Array
+    scale: float
+    residual: float
+
+
+def annotated_pairs(folder: Path) -> tuple[list[AnnotatedPair], int]:
+    """Pairs of a folder's maps that can be scored, and how many were annotated.
+
+    ``<name>.png``, ``keypoints_<name>.npy (n, 2)`` in pixels from the lower left corner, and
+    ``association_<a>_<b>.npy (m, 2)``, rows of both. Pickled files are left alone.
+    """
+    keypoints = {
+        path.stem: _numbers(folder / f"keypoints_{path.stem}.npy") for path in sorted(folder.glob("*.png"))
+    }
+    names = [name for name, points in keypoints.items() if points is not None and "layout" not in name]
+    pairs, annotated = [], 0
+    for a, b in combinations(names, 2):
+        same = _numbers(folder / f"association_{a}_{b}.npy")
+        if same is None or len(same) < 3:
+            continue
+        annotated += 1
+        rows = same.astype(int)
+        pair = _fit(a, b, keypoints[a][rows[:, 0]], keypoints[b][rows[:, 1]])  # type: ignore[index]
+        if abs(pair.scale - 1.0) <= MOST_SCALE and pair.residual < MOST_RESIDUAL:
+            pairs.append(pair)
+    return pairs, annotated
+
+
+def _numbers(path: Path) -> Array | None:
+    """An array of numbers with two columns; None where there is none (a pickled object is never loaded)."""
+    if not path.is_file():
+        return None
+    try:
+        array = np.load(path, allow_pickle=False)
+    except ValueError:
+        return None
+    return array if array.ndim == 2 and array.shape[1] == 2 else None
+
+
+def _fit(a: str, b: str, pixels_a: Array, pixels_b: Array) -> AnnotatedPair:
+    """The similarity that moves b's keypoints onto a's; its scale is not part of ``T_a_b``."""
+    T_a_b = se2.fit_rigid(pixels_b, pixels_a)
+    p = (pixels_b - pixels_b.mean(axis=0)) @ se2.rotation(T_a_b[2]).T
+    q = pixels_a - pixels_a.mean(axis=0)
+    scale = float(np.sum(p * q) / np.sum(p * p))
+    residual = float(np.sqrt(np.mean(np.sum((q - scale * p) ** 2, axis=1))))
+    T_a_b[:2] *= RESOLUTION
+    return AnnotatedPair(a, b, T_a_b, pixels_b.mean(axis=0) * RESOLUTION, scale, residual)
+
+
+def read_map(path: Path, resolution: float = RESOLUTION, walls_only: bool = False) -> Submap:
+    """A picture as a submap, its frame in the lower left corner; white is unknown where it shows
+    ``walls_only``. Raises `InputError` for what is no picture."""
+    import cv2
+
+    grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    if grey is None:
+        raise InputError(f"{path}: expected a picture")
+    grey = np.ascontiguousarray(grey[::-1])
+    free = np.zeros(grey.shape, dtype=bool) if walls_only else grey >= OPEN
+    grid = cropped(Grid(grey <= WALL, free, np.zeros(2), resolution))
+    return Submap(0, 1, np.zeros(3), surfaces(grid), grid)
+
+
+def read_pieces(folder: Path) -> list[Submap]:
+    """The two pieces of Experiment 3."""
+    return [read_map(folder / f"part{k}.png", walls_only=True) for k in (1, 2)]
+
+
+def shared_walls(a: Submap, b: Submap, T_a_b: Array, reach: float) -> float:
+    """Share of b's occupied cells that lie within ``reach`` m of one of a's once moved by ``T_a_b (3,)``."""
+    moved = se2.transform(T_a_b, b.grid.occupied_points())
+    distance, _ = cKDTree(a.grid.occupied_points()).query(moved)
+    return float(np.mean(distance <= reach))
 
 
 def align_annotated(folder: Path, methods: Sequence[str]) -> list[AnnotatedResult]:
     """Results on all scored pairs of all buildings in a folder."""
-    from scenarios.ablate.annotated_maps import annotated_pairs, read_map
-    from scenarios.ablate.stitching_trials import score_alignment, timed_align
-    from stitch.align import AlignConfig
-
     results = []
     for building in sorted(path for path in folder.iterdir() if path.is_dir()):
         pairs, annotated = annotated_pairs(building)
         print(f"{building.name}: {len(pairs)} of {annotated} annotated pairs scored", file=sys.stderr)
         maps = {name: read_map(building / f"{name}.png") for pair in pairs for name in (pair.a, pair.b)}
         for method in methods:
-            config = AlignConfig(method=method)
             for pair in pairs:
-                result, seconds, reason = timed_align(maps[pair.a], maps[pair.b], None, config)
+                result, seconds = timed(align, maps[pair.a], maps[pair.b], None, AlignConfig(method=method))
                 outcome, error, _ = score_alignment(result, pair.T_a_b, pair.middle_b, LIMIT)
                 about = method, building.name, pair.a, pair.b
+                reason = result.reason if isinstance(result, NoStitch) else ""
                 results.append(AnnotatedResult(*about, outcome, *error, seconds, reason))
     return results
 
 
 def align_pieces(folder: Path, methods: Sequence[str]) -> list[tuple[PiecesResult, Array | None]]:
-    """Results on the two pieces of Experiment 3, each with the pose ``(3,)`` of the second in the first; None
-    without a candidate."""
-    from scenarios.ablate.annotated_maps import read_map, shared_walls
-    from scenarios.ablate.stitching_trials import timed_align
-    from stitch.align import AlignConfig, NoStitch
-
-    a, b = (read_map(folder / f"part{k}.png", PIECES_RESOLUTION, walls_only=True) for k in (1, 2))
+    """Results on the two pieces, each with the second's pose ``(3,)`` in the first, if it has a candidate."""
+    a, b = read_pieces(folder)
     results = []
     for method in methods:
-        result, seconds, reason = timed_align(a, b, None, AlignConfig(method=method))
+        result, seconds = timed(align, a, b, None, AlignConfig(method=method))
         refused = isinstance(result, NoStitch)
-        best = result.best if isinstance(result, NoStitch) else result
-        T_a_b = None if best is None else best.T_a_b
-        share = None if T_a_b is None else shared_walls(a, b, T_a_b, REACH * PIECES_RESOLUTION)
-        results.append((PiecesResult(method, not refused, share, seconds, reason), T_a_b))
+        best, reason = (result.best, result.reason) if isinstance(result, NoStitch) else (result, "")
+        share = None if best is None else shared_walls(a, b, best.T_a_b, REACH)
+        pose = None if best is None else best.T_a_b
+        results.append((PiecesResult(method, not refused, share, seconds, reason), pose))
     return results
 
 
@@ -149,17 +220,17 @@ def comparison_image(folder: Path, placed: Sequence[tuple[PiecesResult, Array | 
     from matplotlib.figure import Figure
     from matplotlib.image import imread
 
-    from scenarios.ablate.annotated_maps import read_map
+    from scenarios.report.style import png
     from stitch.command.picture import draw
 
-    grids = [read_map(folder / f"part{k}.png", PIECES_RESOLUTION, walls_only=True).grid for k in (1, 2)]
+    grids = [piece.grid for piece in read_pieces(folder)]
     pictures = [("Formsma's own", (folder / "full.png").read_bytes())]
     for result, T_a_b in placed:
         if T_a_b is not None:
             verdict = "accepted" if result.accepted else "its best candidate, refused"
-            picture = draw(("part 1", "part 2"), grids, [np.zeros(3), T_a_b], 2.0 * PIECES_RESOLUTION)
+            picture = draw(("part 1", "part 2"), grids, [np.zeros(3), T_a_b], 2.0 * RESOLUTION)
             pictures.append((f"{result.method}: {result.share:.2f} of part 2's walls, {verdict}", picture))
-    images = [imread(io.BytesIO(png), format="png") for _, png in pictures]
+    images = [imread(io.BytesIO(content), format="png") for _, content in pictures]
     widths = [image.shape[1] / image.shape[0] for image in images]
     figure = Figure(figsize=(HEIGHT * sum(widths), HEIGHT + 0.5), layout="constrained")
     axes = figure.subplots(1, len(images), width_ratios=widths, squeeze=False)[0]
@@ -167,38 +238,17 @@ def comparison_image(folder: Path, placed: Sequence[tuple[PiecesResult, Array | 
         ax.imshow(image, cmap="gray", aspect="equal")
         ax.set_title(title, fontsize=11, parse_math=False, wrap=True)
         ax.set_axis_off()
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, facecolor="white")
-    return buffer.getvalue()
+    return png(figure, DPI)
 
 
 def pairs_table(results: Sequence[AnnotatedResult]) -> Table:
     """A row per method on the annotated pairs."""
-    from scenarios.ablate.statistics import Proportion
-    from scenarios.ablate.stitching_summary import count_outcomes
-
     rows = []
     for method in dict.fromkeys(result.method for result in results):
         own = [result for result in results if result.method == method]
-        right, false, refused = count_outcomes(result.outcome for result in own)
-        share = Proportion(right, len(own))
-        interval = with_interval(share.value, *share.interval)
+        accepted, right, false, refused = count_outcomes([result.outcome for result in own])
         seconds = number(float(np.median([result.seconds for result in own])), 2)
-        rows.append((method, str(len(own)), interval, f"{false}/{right + false}", str(refused), seconds))
+        false_of = f"{false.count}/{accepted}"
+        rows.append((method, str(len(own)), str(right), false_of, str(refused.count), seconds))
     columns = ("method", "pairs", "right", "false of accepted", "refused", "median s")
     return Table(columns, rows, "Halmstad, annotated pairs")
-
-
-def pieces_table(results: Sequence[PiecesResult]) -> Table:
-    """A row per method on Experiment 3."""
-    rows = [
-        (
-            result.method,
-            number(result.share, 2),
-            "accepted" if result.accepted else f"refused: {result.reason}",
-            number(result.seconds, 2),
-        )
-        for result in results
-    ]
-    title = "Experiment 3: share of part2's walls within 3 pixels of part1's"
-    return Table(("method", "share", "answer", "s"), rows, title, names=4)

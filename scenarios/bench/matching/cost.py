@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from scenarios.bench.matching.matchers import OURS
 from scenarios.bench.matching.pairs import ANGLES, EASY, INTEL, LASER, Pair, near
 from scenarios.bench.matching.scores import Matcher, within_limits
 from scenarios.bench.result import Figure, time_calls
-from scenarios.stages import Stages
+from scenarios.stages import Stages, timed
 from sim.laser import Raycaster
 from slam import se2
 from slam.formats import load
@@ -35,41 +34,28 @@ RUNS = 3
 """Repetitions of the front end."""
 
 
-@dataclass(frozen=True)
-class MatchTimes:
-    """Median processor time [ms] of a match."""
-
-    scans: float
-    """From two scans, as the scores have it."""
-    ready: float
-    """Both scans prepared before (index, covariances)."""
-    ranges: float
-    """From what the laser says, points and all that is read from them included."""
-
-
 def match_times(
     matchers: Mapping[str, Matcher], pairs: Sequence[Pair], guesses: Array
-) -> dict[str, MatchTimes]:
-    """Times of all matchers, which take turns pair by pair so that what else the machine does meets all."""
+) -> dict[str, dict[str, float]]:
+    """Median processor time [ms] of each matcher's matches by what is counted: from two "scans", as the
+    scores have it; "ready" prepared before (index, covariances); from "ranges", points included.
+
+    They take turns pair by pair, so that what else the machine does meets all.
+    """
     taken: dict[str, list[tuple[float, float, float]]] = {name: [] for name in matchers}
     for pair, guess in zip(pairs, guesses, strict=True):
         for name, matcher in matchers.items():
             taken[name].append(_timed(matcher, replace(pair), guess))  # a copy, whose scans are not read yet
-    medians = {name: 1e3 * np.median(rows, axis=0) for name, rows in taken.items()}
-    return {name: MatchTimes(float(m[0]), float(m[1]), float(m[2])) for name, m in medians.items()}
+    medians = {name: (1e3 * np.median(rows, axis=0)).tolist() for name, rows in taken.items()}
+    return {name: dict(zip(("scans", "ready", "ranges"), ms, strict=True)) for name, ms in medians.items()}
 
 
 def _timed(matcher: Matcher, pair: Pair, guess: Array) -> tuple[float, float, float]:
     """Seconds of one match from scans, from what is prepared, and from ranges."""
-    start = time.process_time()
-    scans = [matcher.read(pair, which) for which in (0, 1)]
-    have_scans = time.process_time()
-    reference, scan = map(matcher.prepare, scans)
-    matcher.match(reference, scan, guess)
-    end = time.process_time()
-    matcher.match(reference, scan, guess)
-    again = time.process_time() - end
-    return end - have_scans, again, end - start
+    scans, reading = timed(lambda: [matcher.read(pair, which) for which in (0, 1)])
+    prepared, preparing = timed(lambda: [matcher.prepare(scan) for scan in scans])
+    first, again = (timed(matcher.match, *prepared, guess)[1] for _ in range(2))
+    return preparing + first, again, reading + preparing + first
 
 
 def local_map(rng: np.random.Generator) -> list[Figure]:
@@ -81,15 +67,12 @@ def local_map(rng: np.random.Generator) -> list[Figure]:
         seen = LocalMap(most_scans=MAP_SCANS)
         for T in _around(caster, place, MAP_SCANS, rng):
             scan = _scan(caster, se2.compose(place, T), rng)
-            started = time.process_time()
-            seen.add(scan, T)
-            adding.append(1e3 * (time.process_time() - started))
+            adding.append(1e3 * timed(seen.add, scan, T)[1])
         for T in _around(caster, place, MATCHES, rng):
             query = Reference(_scan(caster, se2.compose(place, T), rng))
             guess = T + rng.uniform(-1.0, 1.0, 3) * [EASY[0], EASY[0], EASY[1]]
-            started = time.process_time()
-            match = OURS.match(seen, query, guess)
-            matching.append(1e3 * (time.process_time() - started))
+            match, seconds = timed(OURS.match, seen, query, guess)
+            matching.append(1e3 * seconds)
             if isinstance(match, Match):
                 errors.append(se2.between(match.T_reference_scan, T))
     right = 100.0 * np.sum(within_limits(np.reshape(errors, (-1, 3)))) / len(matching)
@@ -111,8 +94,7 @@ def front_end(data: Path) -> list[Figure]:
 
 
 def memory(stages: Stages, rng: np.random.Generator) -> list[Figure]:
-    """Memory [kB] that each further scan of a long drive costs, its answer included; nothing where the
-    system does not tell."""
+    """Memory [kB] of each further scan of a long drive; nothing where the system does not tell."""
     short, long = (round_and_round(count, rng) for count in (SHORT, LONG))
     for recording in (short, long):
         with stages.stage(f"{len(recording)} scans"):
@@ -121,9 +103,8 @@ def memory(stages: Stages, rng: np.random.Generator) -> list[Figure]:
     if few is None or many is None:
         return []
     growth = 1024.0 * (many - few) / (LONG - SHORT)
-    return [
-        Figure("memory per further scan", "kB", (growth,), f"peak of the front end, {SHORT} to {LONG} scans")
-    ]
+    note = f"peak of the front end, {SHORT} to {LONG} scans"
+    return [Figure("memory per further scan", "kB", (growth,), note)]
 
 
 def round_and_round(count: int, rng: np.random.Generator) -> Recording:

@@ -83,8 +83,7 @@ class PairSet:
 
 
 def simulated(count: int, rng: np.random.Generator) -> PairSet:
-    """Pairs in the building of `SEGMENTS` walls: the second pose up to 0.2 m along each axis and 10° from
-    the first, and in its sight; σ 0.01 m on both scans."""
+    """Pairs in the building of `SEGMENTS` walls, the second pose within `APART` of the first and in sight."""
     walls = building(SEGMENTS, rng)
     caster = Raycaster.from_segments(walls)
     first = free_poses(walls, count, rng)
@@ -94,29 +93,21 @@ def simulated(count: int, rng: np.random.Generator) -> PairSet:
 
 
 def intel(data: Path, count: int) -> PairSet | str:
-    """Consecutive scans of the Intel log, spread over it, against GMapping's published answer; or why not.
-
-    That answer is no truth: it is uncertain by `GMAPPING_SIGMA`, and in 3 % of the pairs a matcher started
-    from it leaves the limits.
-    """
+    """Consecutive scans of the Intel log, spread over it, against GMapping's published answer, uncertain by
+    `GMAPPING_SIGMA` (3 % of the matches started from it leave the limits); or why not."""
     if absent := _absent(data, INTEL, INTEL_POSES):
         return absent
     recording = load(data / INTEL)
-    poses = read_poses(data / INTEL_POSES, len(recording))
-    rows = np.arange(1, len(recording))
-    uncertain = np.diag(GMAPPING_SIGMA**2)
-    pairs = tuple(_logged(recording, poses, row, uncertain) for row in spread(rows, count))
+    poses, uncertain = read_poses(data / INTEL_POSES, len(recording)), np.diag(GMAPPING_SIGMA**2)
+    rows = spread(np.arange(1, len(recording)), count)
+    pairs = tuple(_logged(recording, poses, row, uncertain) for row in rows)
     return PairSet("Intel", pairs, "every scan with the one before; truth is GMapping's, ± 19 mm, 0.45°")
 
 
 def experiment_1(data: Path, count: int, moving: bool = False) -> PairSet | str:
-    """Consecutive upright scans of the thesis's Experiment 1, spread over the log, against its truth, all or
-    those with the robot ``moving``; or why not.
-
-    The truth is rounded to 0.01 m and 0.01 rad, which its covariance says (uniform errors of both poses).
-    Upright is what the INS says, so that nothing after the fall counts: its roll and pitch stay 11° off.
-    Raises `FormatError` for a log without truth or attitude.
-    """
+    """Consecutive upright scans of the thesis's Experiment 1, spread over the log, all or those with the
+    robot ``moving``, against its truth, whose rounding its covariance says; or why not. Upright is what
+    the INS says, so that nothing after the fall counts. Raises `FormatError` without truth or attitude."""
     if absent := _absent(data, EXPERIMENT_1):
         return absent
     recording = load(data / EXPERIMENT_1)
@@ -125,9 +116,9 @@ def experiment_1(data: Path, count: int, moving: bool = False) -> PairSet | str:
             "expected a log with the robot's true poses, and roll and pitch", data / EXPERIMENT_1
         )
     upright = np.all(np.abs(recording.attitude) < UPRIGHT, axis=1)
-    moved = np.any(np.abs(se2.between(recording.truth[:-1], recording.truth[1:])) > 0.1 * QUANTUM, axis=1)
-    rows = 1 + np.flatnonzero(upright[1:] & upright[:-1] & (moved | (not moving)))
     steps = se2.between(recording.truth[:-1], recording.truth[1:])
+    moved = np.any(np.abs(steps) > 0.1 * QUANTUM, axis=1)
+    rows = 1 + np.flatnonzero(upright[1:] & upright[:-1] & (moved | (not moving)))
     uncertain = of_rounding(steps, QUANTUM)
     pairs = tuple(_logged(recording, recording.truth, row, uncertain[row - 1]) for row in spread(rows, count))
     name, kind = ("Exp. 1, moving", "upright and moving") if moving else ("Exp. 1", "upright")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest, chi2
 
 from scenarios.bench.matching.pairs import Pair
+from scenarios.stages import timed
 from slam import se2
 from slam.matching import Match, NoMatch
 from slam.se2 import Array
@@ -26,8 +27,7 @@ large (10¹²) that its smaller directions are lost to rounding; those then clai
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """Where a matcher puts a scan ``(3,)``, and the covariance ``(3, 3)`` it claims, None if it claims
-    none."""
+    """Where a matcher puts a scan ``(3,)``, and the covariance ``(3, 3)`` that it claims, if any."""
 
     T_reference_scan: Array
     covariance: Array | None
@@ -46,6 +46,10 @@ class Matcher:
     """What is made of a scan once, and could be kept for many matches: index, covariances."""
     match: Callable[[Any, Any, Array], Result]
     """Two prepared scans, from a guess ``(3,)``."""
+
+    def prepare_and_match(self, reference: Any, scan: Any, guess: Array) -> Result:
+        """Two scans, from a guess ``(3,)``."""
+        return self.match(self.prepare(reference), self.prepare(scan), guess)
 
 
 @dataclass(frozen=True)
@@ -75,13 +79,11 @@ class Score:
 
 def match_all(matcher: Matcher, pairs: Sequence[Pair], guesses: Array) -> tuple[list[Result], Array]:
     """A matcher's result for every pair, and the processor time ``(N,)`` s of each."""
-    results, seconds = [], []
-    for pair, guess in zip(pairs, guesses, strict=True):
-        reference, scan = (matcher.read(pair, which) for which in (0, 1))
-        started = time.process_time()
-        results.append(matcher.match(matcher.prepare(reference), matcher.prepare(scan), guess))
-        seconds.append(time.process_time() - started)
-    return results, np.array(seconds)
+    both = [
+        timed(matcher.prepare_and_match, *(matcher.read(pair, which) for which in (0, 1)), guess)
+        for pair, guess in zip(pairs, guesses, strict=True)
+    ]
+    return [result for result, _ in both], np.array([seconds for _, seconds in both])
 
 
 def measure(matcher: Matcher, pairs: Sequence[Pair], guesses: Array) -> Score:
@@ -91,8 +93,6 @@ def measure(matcher: Matcher, pairs: Sequence[Pair], guesses: Array) -> Score:
 
 def score(pairs: Sequence[Pair], results: Sequence[Result], seconds: Array) -> Score:
     """Score one result per pair. Raises ``ValueError`` when there are no pairs."""
-    from scipy.stats import binomtest, chi2
-
     if not pairs:
         raise ValueError("expected at least one pair")
     n = len(pairs)
@@ -122,10 +122,9 @@ def matches_and_errors(
 ) -> tuple[list[tuple[Pair, PoseEstimate | Match]], Array]:
     """Pairs that were matched, with the match, and ξ ``(N, 3)`` with T_true = T̂ ∘ exp(ξ): the tangent space a
     match's covariance is in."""
-    matched = [
-        (p, result) for p, result in zip(pairs, results, strict=True) if not isinstance(result, NoMatch)
-    ]
-    errors = [se2.log(se2.between(match.T_reference_scan, p.T_reference_scan)) for p, match in matched]
+    both = zip(pairs, results, strict=True)
+    matched = [(pair, result) for pair, result in both if not isinstance(result, NoMatch)]
+    errors = [se2.log(se2.between(match.T_reference_scan, pair.T_reference_scan)) for pair, match in matched]
     return matched, np.array(errors).reshape(-1, 3)
 
 

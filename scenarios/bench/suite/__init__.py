@@ -1,23 +1,14 @@
-"""The benches, one file each, found by their file's name.
-
-A bench is a module with a function ``run(stages, options) -> BenchmarkResult``; the first line of its
-docstring says what it measures.
-"""
+"""The benches, one file each: a docstring that says what it measures, and ``run(stages, options)``."""
 
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable
 from importlib import import_module
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from scenarios.bench.result import BenchmarkOptions, BenchmarkResult
-    from scenarios.stages import Stages
+from typing import Any
 
 BENCHES: tuple[str, ...] = tuple(sorted(module.name for module in pkgutil.iter_modules(__path__)))
 
 
-def bench(name: str) -> Callable[[Stages, BenchmarkOptions], BenchmarkResult]:
+def bench(name: str) -> Any:
     """The function that runs a bench."""
     return import_module(f"{__name__}.{name}").run

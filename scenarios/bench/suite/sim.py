@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -28,14 +27,8 @@ REPETITIONS, DRIVES = 15, 3
 SCENARIO = "hospital"
 
 
-@dataclass(frozen=True)
-class Case:
-    """Something that casts all beams of a number of poses."""
-
-    name: str
-    call: Call
-    poses: int
-    note: str
+Case = tuple[str, Call, int, str]
+"""Its name, what casts all beams of a number of poses, that number, and a note."""
 
 
 def run(stages: Stages, options: BenchmarkOptions) -> BenchmarkResult:
@@ -64,12 +57,12 @@ def rays() -> list[Figure]:
     at_angle = partial(turned.cast, se2.compose(turn, poses), ANGLES)
     in_scenario = partial(solid.cast_with_incidence, tilted(route), ANGLES)
     uneven = "solids, uneven ground and ceiling, with incidence"
-    cases = [
-        Case("pymunk", by_pymunk, len(few), "segment_query_first in a Python loop"),
-        Case("flat", partial(thin.cast, poses, ANGLES), POSES, beams),
-        Case("tilted", partial(high.cast, tilted(poses), ANGLES), POSES, "roll and pitch up to 5°"),
-        Case("flat, turned", at_angle, POSES, "building at 30°"),
-        Case(f"tilted, {SCENARIO}", in_scenario, len(route), uneven),
+    cases: list[Case] = [
+        ("pymunk", by_pymunk, len(few), "segment_query_first in a Python loop"),
+        ("flat", partial(thin.cast, poses, ANGLES), POSES, beams),
+        ("tilted", partial(high.cast, tilted(poses), ANGLES), POSES, "roll and pitch up to 5°"),
+        ("flat, turned", at_angle, POSES, "building at 30°"),
+        (f"tilted, {SCENARIO}", in_scenario, len(route), uneven),
     ]
     loop, flat, tilt, *others = rates(cases)
     return [loop, flat, tilt, *others, flat.per(loop, "flat / pymunk"), tilt.per(loop, "tilted / pymunk")]
@@ -77,12 +70,13 @@ def rays() -> list[Figure]:
 
 def growth() -> list[Figure]:
     """Flat rays per second, and the time to prepare, in larger and larger buildings of the same density."""
-    cases, preparations = [], {}
+    cases: list[Case] = []
+    preparations: dict[str, Call] = {}
     for count in (SEGMENTS, *LARGER):
         rng = np.random.default_rng(0)
         walls = building(count, rng)
         cast = partial(Raycaster.from_segments(walls).cast, free_poses(walls, POSES, rng), ANGLES)
-        cases.append(Case(f"flat, {count} segments", cast, POSES, "a larger building of the same density"))
+        cases.append((f"flat, {count} segments", cast, POSES, "a larger building of the same density"))
         preparations[f"prepare {count} segments"] = partial(Raycaster.from_segments, walls)
     flat = rates(cases)
     slower = flat[0].per(flat[-1], f"time per ray, {LARGER[-1]} / {SEGMENTS} segments")
@@ -95,9 +89,7 @@ def drives(stages: Stages) -> list[Figure]:
     """A whole scenario, world, physics, laser and INS: simulated seconds per second, and peak memory."""
     runs: list[SimulatedRun] = []
     with stages.stage("drives"):
-        taken = time_calls({SCENARIO: lambda: runs.append(simulate(CATALOGUE[SCENARIO], 0))}, DRIVES)[
-            SCENARIO
-        ]
+        taken = time_calls({"": lambda: runs.append(simulate(CATALOGUE[SCENARIO], 0))}, DRIVES)[""]
     lasted, peak = float(np.ptp(runs[0].recording.time)), stages.costs["drives"].peak_mb
     pace, note = tuple(lasted / seconds for seconds in taken), f"seed 0, {lasted:.0f} s simulated"
     figures = [Figure(f"{SCENARIO}, whole simulation", "× real time", pace, note)]
@@ -106,10 +98,10 @@ def drives(stages: Stages) -> list[Figure]:
 
 def rates(cases: list[Case]) -> list[Figure]:
     """Millions of rays per second of every case."""
-    taken = time_calls({case.name: case.call for case in cases}, REPETITIONS)
+    taken = time_calls({name: call for name, call, _, _ in cases}, REPETITIONS)
     return [
-        Figure(c.name, "M rays/s", tuple(1e-6 * c.poses * len(ANGLES) / t for t in taken[c.name]), c.note)
-        for c in cases
+        Figure(name, "M rays/s", tuple(1e-6 * poses * len(ANGLES) / t for t in taken[name]), note)
+        for name, _, poses, note in cases
     ]
 
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate import classifiers, pair_sampling
-from scenarios.ablate.classifiers import cross_validate, fit_network
+from scenarios.ablate import pair_sampling, training
+from scenarios.ablate.options import BeliefOptions as Options
 from scenarios.ablate.pair_sampling import (
     STRANGERS,
     PairSample,
@@ -21,8 +21,9 @@ from scenarios.ablate.pair_sampling import (
     negative_pairs,
     training_pairs,
 )
-from scenarios.ablate.study.belief import LENGTHS, Options, accepted_lines, run
-from scenarios.ablate.training_set import Dataset, collect_samples
+from scenarios.ablate.study import belief
+from scenarios.ablate.study.belief import LENGTHS, accepted_table, run
+from scenarios.ablate.training import Dataset, collect_samples, cross_validate, fit_network
 from slam.cli import InputError
 from slam.se2 import Array
 from stitch.alignment.acceptance import AcceptanceClassifier
@@ -70,7 +71,7 @@ def test_no_building_is_judged_by_what_was_learnt_from_it(monkeypatch: pytest.Mo
             assert len(judged[-1] | self.seen) == 12
             return np.zeros(len(features))
 
-    monkeypatch.setattr(classifiers, "fit_network", lambda some, *_: Told(some))
+    monkeypatch.setattr(training, "fit_network", lambda some, *_: Told(some))
     assert np.all(cross_validate(features, np.arange(60) % 2 == 0, building, rng) == 0.0)
     assert set().union(*judged) == set(range(200, 212))
 
@@ -89,7 +90,7 @@ def test_lessons_of_a_pair_hold_the_truth(pair: SubmapPair) -> None:
 
 def test_packed_lessons_come_back(pair: SubmapPair) -> None:
     before = collect_samples([pair], False, np.random.default_rng(0))
-    (again,) = Dataset.unpack(Dataset.pack([before]))
+    again = Dataset.from_bytes(before.to_bytes())
     for name, found in vars(again).items():
         np.testing.assert_array_equal(found, getattr(before, name))
 
@@ -97,8 +98,8 @@ def test_packed_lessons_come_back(pair: SubmapPair) -> None:
 def test_furniture_is_moved_in_every_building_once(monkeypatch: pytest.MonkeyPatch, pair: SubmapPair) -> None:
     """Where the study moves it there is nothing to add."""
 
-    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> PairSample:
-        moved = furniture_is_moved(scenario.name, seed) if moved is None else moved
+    def harvest(scenario: str, seed: int, most: int, length: object, moved: bool | None = None) -> PairSample:
+        moved = furniture_is_moved(scenario, seed) if moved is None else moved
         return PairSample((replace(pair, seed=seed, moved=moved),), 2, 0)
 
     monkeypatch.setattr(pair_sampling, "sample_pairs", harvest)
@@ -119,7 +120,7 @@ def test_the_command_writes_a_network(
         asked.append((scenario, seed, length))
         return (replace(pair, seed=seed),), ()
 
-    monkeypatch.setattr(pair_sampling, "training_pairs", training_pairs)
+    monkeypatch.setattr(belief, "training_pairs", training_pairs)
     written = tmp_path / "belief.npz"
     run(Options(scenarios="beehive", seeds="200,201", network=written, workers=1, out=tmp_path / "out"))
     printed = capsys.readouterr()
@@ -141,9 +142,9 @@ def test_accepted_are_those_believed_and_allowed() -> None:
         np.array(["50 %", "50 %", "80 %", STRANGERS]),
         np.arange(4),
     )
-    lines = accepted_lines(known, np.array([3.0, 3.0, 3.0, -0.2]))
-    at_even = next(line for line in lines if line.split()[:3] == ["without", "prior", "0.0"])
-    assert at_even.split()[3:] == ["nan", "nan", "0.500", "0.000", "1/2", "0/1"]
+    rows = accepted_table(known, np.array([3.0, 3.0, 3.0, -0.2])).rows
+    at_even = next(row for row in rows if row[:2] == ("without prior", "0.0"))
+    assert at_even[2:] == ("–", "–", "0.500", "0.000", "1/2", "0/1")
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from scenarios.ablate.annotated_maps import RESOLUTION, annotated_pairs, read_map, shared_walls
-from scenarios.ablate.study.halmstad import Options, run
+from scenarios.ablate.options import HalmstadOptions as Options
+from scenarios.ablate.study.halmstad import RESOLUTION, annotated_pairs, read_map, run, shared_walls
 from slam import se2
 
 TURN = np.radians(90.0)

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from scenarios.ablate import pair_sampling
+from scenarios.ablate.options import LikenessOptions as Options
 from scenarios.ablate.pair_sampling import PairSample, SubmapPair
-from scenarios.ablate.stitching_trials import LIMIT, draw_prior, is_right, pose_error
-from scenarios.ablate.study.likeness import Options, run
-from scenarios.ablate.training_set import CountedAlignments, fit_likelihood, fit_prior_offset
+from scenarios.ablate.study.likeness import run
+from scenarios.ablate.study.stitching import LIMIT, draw_prior, is_right, pose_error
+from scenarios.ablate.training import CountedAlignments, fit_likelihood, fit_prior_offset
 from slam.cli import InputError
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
@@ -30,7 +31,10 @@ def examples(
 ) -> CountedAlignments:
     """Without gaps and a prior, unless told."""
     gaps = np.zeros((len(right), 3)) if gaps is None else gaps
-    return CountedAlignments(counts, gaps, np.zeros(len(right)) if unlikely is None else unlikely, right)
+    guided = np.full(len(right), unlikely is not None)
+    return CountedAlignments(
+        counts, gaps, np.zeros(len(right)) if unlikely is None else unlikely, right, guided
+    )
 
 
 def chances(odds: Array, rng: np.random.Generator) -> np.ndarray:
@@ -86,6 +90,8 @@ def test_examples_of_a_pair_hold_the_truth(pair: SubmapPair) -> None:
         assert one.gaps.shape == (len(one.right), 3)
         assert one.right.sum() == 1
     assert len(alone.right) > 1
+    assert told.guided.all()
+    assert not alone.guided.any()
     assert np.all(alone.unlikely == 0.0)
     assert np.all(told.unlikely > 0.0)
     same_way = alone.counts[:, 0, 0, :3].sum(axis=1)
@@ -99,11 +105,12 @@ def test_concatenated_in_their_order() -> None:
     np.testing.assert_array_equal(both.right, [True, False, True])
     np.testing.assert_array_equal(both.unlikely, [0.5, 1.5, 2.5])
     assert both.counts[:, 0, 0, 0].tolist() == [1.0, 0.0, 0.0]
+    np.testing.assert_array_equal(both.where(both.right).unlikely, [0.5, 2.5])
 
 
 def test_packed_examples_come_back() -> None:
-    several = [examples(np.full((2, 2, 3, 7), 0.1), np.array([True, False])), CountedAlignments.empty()]
-    for one, other in zip(several, CountedAlignments.unpack(CountedAlignments.pack(several)), strict=True):
+    for one in (examples(np.full((2, 2, 3, 7), 0.1), np.array([True, False])), CountedAlignments.empty()):
+        other = CountedAlignments.from_bytes(one.to_bytes())
         for name in vars(one):
             before, after = getattr(one, name), getattr(other, name)
             np.testing.assert_array_equal(before, after)
@@ -128,8 +135,8 @@ def test_the_table_is_that_of_the_code(
     Furniture is moved in both, besides the pairs in which it is not."""
     asked = []
 
-    def harvest(scenario, seed: int, quota: int, length: object, moved: bool | None = None) -> PairSample:
-        asked.append((scenario.name, seed, moved))
+    def harvest(scenario: str, seed: int, most: int, length: object, moved: bool | None = None) -> PairSample:
+        asked.append((scenario, seed, moved))
         return PairSample((pair,) if seed == 200 and not moved else (), 2, 0)
 
     monkeypatch.setattr(pair_sampling, "sample_pairs", harvest)

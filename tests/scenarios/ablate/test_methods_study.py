@@ -12,22 +12,22 @@ import numpy as np
 import pytest
 
 from scenarios import source
-from scenarios.ablate.method_variants import (
+from scenarios.ablate.options import MethodsOptions as Options
+from scenarios.ablate.study.methods import (
+    EVERYWHERE,
     LAST,
     DriveResult,
     MethodVariant,
+    PairedRatio,
+    checked,
+    compare_methods,
     method_variants,
+    print_ranking,
+    run,
     run_trial,
     simulate_recording,
-)
-from scenarios.ablate.paired_comparison import (
-    EVERYWHERE,
-    PairedRatio,
-    compare_methods,
-    print_ranking,
     summarise,
 )
-from scenarios.ablate.study.methods import Options, checked, run
 from scenarios.methods import METHODS, Method
 from scenarios.source import Source
 from scenarios.sweep import sweep

@@ -18,10 +18,10 @@ NAN = np.nan
 
 
 def test_wilson_interval() -> None:
-    assert Proportion(9, 10).interval == pytest.approx((0.5958, 0.9821), abs=1e-3)  # Brown et al. 2001
-    assert Proportion(0, 10).interval[0] == 0.0
-    assert Proportion(10, 10).interval[1] == 1.0
-    assert Proportion(0, 0).interval == (0.0, 1.0)
+    assert Proportion.of(9, 10).interval == pytest.approx((0.5958, 0.9821), abs=1e-3)  # Brown et al. 2001
+    assert Proportion.of(0, 10).interval[0] == 0.0
+    assert Proportion.of(10, 10).interval[1] == 1.0
+    assert Proportion.of(0, 0).interval == (0.0, 1.0)
 
 
 def test_holm_by_hand() -> None:
@@ -54,9 +54,9 @@ def test_the_interval_of_a_mean_has_the_size_that_theory_says() -> None:
     mean = mean_interval(values, ["a"] * 100, rng)
     spread = np.nanstd(values) / np.sqrt(97)
     assert mean.n == 97
-    assert mean.value == pytest.approx(np.nanmean(values))
-    assert mean.low == pytest.approx(mean.value - 1.96 * spread, abs=0.03)
-    assert mean.high == pytest.approx(mean.value + 1.96 * spread, abs=0.03)
+    assert mean.mean == pytest.approx(np.nanmean(values))
+    assert mean.low == pytest.approx(mean.mean - 1.96 * spread, abs=0.03)
+    assert mean.high == pytest.approx(mean.mean + 1.96 * spread, abs=0.03)
     assert mean_interval(np.full(3, NAN), ["a"] * 3, rng).n == 0
 
 
@@ -81,4 +81,4 @@ def test_alike_measures_are_seldom_told_apart_and_others_are() -> None:
     assert [one.significant for one in compared] == [True, False, True]
     turned = compared[0].swapped()
     assert (turned.first, turned.second) == ("high", "low")
-    assert 0.9 < turned.difference.low < turned.difference.value < turned.difference.high
+    assert 0.9 < turned.difference.low < turned.difference.mean < turned.difference.high

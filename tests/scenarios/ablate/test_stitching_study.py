@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, warp
+from scenarios.ablate.map_fragments import CELL, LENGTH, MapFragment, rearrange, warp
+from scenarios.ablate.options import STUDIES
 from scenarios.ablate.pair_sampling import (
     BINS,
     NONE,
@@ -27,25 +28,22 @@ from scenarios.ablate.pair_sampling import (
     overlap_of,
     sample_pairs,
 )
-from scenarios.ablate.random_streams import stream
-from scenarios.ablate.stitching_summary import ALL, summarise
-from scenarios.ablate.stitching_trials import (
+from scenarios.ablate.study.stitching import (
+    ALL,
     PAIRS,
-    AlignerVariant,
     AlignmentRow,
     BinCounts,
     align_pairs,
     draw_prior,
     map_size,
+    notes,
     run_trial,
     score_alignment,
+    summarise,
     trials,
     truncate_to_quota,
 )
-from scenarios.ablate.study import STUDIES
-from scenarios.ablate.study.stitching import notes
-from scenarios.ablate.two_session_recordings import rearrange
-from scenarios.catalogue import CATALOGUE
+from scenarios.ablate.trial_io import stream
 from scenarios.sweep import Answer, Trial, sweep
 from sim.floorplan import Prism, box, cupboard, table
 from slam import se2
@@ -65,7 +63,7 @@ ROUTE = np.array([[3.0, 2.5], [3.0, 3.5]])
 @pytest.fixture(scope="module")
 def hives() -> tuple[SubmapPair, ...]:
     """Pairs from two visits to one beehive, furniture moved between them."""
-    return sample_pairs(CATALOGUE["beehive"], 102, 1).pairs
+    return sample_pairs("beehive", 102, 1).pairs
 
 
 def row(outcome: str, where: str = "30 %", nees: float = np.nan, variant: str = "joint") -> AlignmentRow:
@@ -173,12 +171,12 @@ def test_counting_by_hand() -> None:
     rows += [row("refused", NONE), row("false", NONE)]
     first, none, everything = summarise(rows, [*BINS, NONE, TWINS])
     assert (first.bin, none.bin, everything.bin) == ("30 %", NONE, ALL)
-    assert (first.right.count, first.right.n) == (2, 4)
-    assert (first.false.count, first.false.n) == (1, 3)
+    assert (first.right.count, first.pairs) == (2, 4)
+    assert (first.false.count, first.accepted) == (1, 3)
     assert first.anees == pytest.approx(1.5)
-    assert (none.false.count, none.false.n, none.refused.value) == (1, 1, 0.5)
-    assert (everything.false.count, everything.false.n) == (2, 4)
-    assert everything.seconds == 0.5
+    assert (none.false.count, none.accepted, none.refused.share) == (1, 1, 0.5)
+    assert (everything.false.count, everything.accepted) == (2, 4)
+    assert everything.median_s == 0.5
 
 
 def test_some_furniture_moves_within_its_room_and_walls_do_not() -> None:
@@ -270,8 +268,8 @@ def test_a_worker_answers_as_this_process_does(
     command = ["stitching", "--pairs", "1", "--seeds", "102", "--scenarios", "beehive", "-o", tmp_path]
     done = ablate(*command, "--methods", "htms,joint", "--workers", "2", "--format", "json")
     assert done.code == 0, done.stderr
-    variants = [AlignerVariant("htms", False), AlignerVariant("joint", False), AlignerVariant("joint", True)]
-    here = [one for group in zip(*(align_pairs(hives, v) for v in variants), strict=True) for one in group]
+    variants = [("htms", "htms", False), ("joint", "joint", False), ("joint + prior", "joint", True)]
+    here = [one for group in zip(*(align_pairs(hives, *v) for v in variants), strict=True) for one in group]
     with (tmp_path / "results.csv").open(newline="") as file:
         there = list(csv.DictReader(file))
     assert len(there) == len(here)

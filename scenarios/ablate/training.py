@@ -1,19 +1,25 @@
-"""Alignments that are known to be right or wrong: what the likelihood and the acceptance are learnt from."""
+"""What is learnt with scikit-learn, and from what: alignments that are known to be right or wrong.
+
+What the classifiers say of new data is computed where it is used.
+"""
 
 from __future__ import annotations
 
-import io
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import Self
+from importlib import import_module
+from typing import Any, Self
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
-from scenarios.ablate.classifiers import fit_logistic
 from scenarios.ablate.pair_sampling import STRANGERS, SubmapPair
-from scenarios.ablate.stitching_trials import draw_prior, is_right
+from scenarios.ablate.study.stitching import draw_prior, is_right
+from scenarios.ablate.trial_io import pack, unpack
+from slam.cli import InputError
 from slam.se2 import Array
-from stitch.alignment.acceptance import features
+from stitch.alignment.acceptance import AcceptanceClassifier, features
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.joint import AlignmentProblem, best_candidates, score_best
 from stitch.alignment.likelihood import count_overlap
@@ -23,6 +29,14 @@ from stitch.alignment.result import Alternative, Prior
 
 SPREAD = 0.1
 """Added to the standard deviation of a feature, so that rare ones are not given large weights."""
+HIDDEN = 48
+"""Units of the hidden layer of `fit_network`."""
+RIDGE = 10.0
+"""L2 penalty of `fit_network`: of half the squared sum of its weights, beside the sum of the log-losses."""
+ITERATIONS = 400
+"""Most iterations of L-BFGS in `fit_network`."""
+FOLDS = 6
+"""Most folds of the cross-validation."""
 
 
 @dataclass(frozen=True)
@@ -35,34 +49,34 @@ class Columns:
         several = list(several)
         return cls(*(np.concatenate([getattr(part, f.name) for part in several]) for f in fields(cls)))
 
-    @classmethod
-    def pack(cls, several: Sequence[Self]) -> bytes:
-        """Tables as one ``.npz``, to be read by `unpack`."""
-        buffer = io.BytesIO()
-        arrays = {f"{f.name}{k}": getattr(one, f.name) for k, one in enumerate(several) for f in fields(cls)}
-        np.savez_compressed(buffer, allow_pickle=False, **arrays)
-        return buffer.getvalue()
+    def to_bytes(self) -> bytes:
+        """The table as an .npz file."""
+        return pack(vars(self))
 
     @classmethod
-    def unpack(cls, content: bytes) -> list[Self]:
-        """The tables that were packed."""
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            number = len(arrays.files) // len(fields(cls))
-            return [cls(*(arrays[f"{f.name}{k}"] for f in fields(cls))) for k in range(number)]
+    def from_bytes(cls, content: bytes) -> Self:
+        """What `to_bytes` wrote."""
+        return cls(**unpack(content))
+
+    def where(self, rows: np.ndarray) -> Self:
+        """The rows ``(n,)`` bool."""
+        return type(self)(*(column[rows] for column in vars(self).values()))
 
 
 @dataclass(frozen=True)
 class CountedAlignments(Columns):
     """Every candidate of the search for some pairs, with its counts.
 
-    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.OverlapCounts`;
-    ``unlikely (n,)``: what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by truth.
+    ``counts (n, 2, 3, 7)`` and ``gaps (n, 3)`` of `stitch.alignment.likelihood.OverlapCounts`; ``unlikely
+    (n,)``: what the prior takes off the log-odds, 0 without one; ``right (n,)`` bool, by truth; ``guided
+    (n,)`` bool: with a prior.
     """
 
     counts: Array
     gaps: Array
     unlikely: Array
     right: np.ndarray
+    guided: np.ndarray
 
     @classmethod
     def of_pair(cls, pair: SubmapPair, prior: Prior | None, config: AlignConfig) -> Self:
@@ -78,12 +92,14 @@ class CountedAlignments(Columns):
             np.array([overlap.gaps for overlap in overlaps]),
             np.array([float(prior_penalty(prior, T_a_b, 1.0)) for T_a_b in poses]),
             np.array([is_right(T_a_b, pair.T_a_b, pair.middle_b) for T_a_b in poses]),
+            np.full(len(poses), prior is not None),
         )
 
     @classmethod
     def empty(cls) -> Self:
         """No alignment."""
-        return cls(np.zeros((0, 2, 3, 7)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=bool))
+        nothing = np.zeros(0, dtype=bool)
+        return cls(np.zeros((0, 2, 3, 7)), np.zeros((0, 3)), np.zeros(0), nothing, nothing)
 
     @property
     def features(self) -> Array:
@@ -121,8 +137,7 @@ def _search(
 
 
 def collect_samples(pairs: Sequence[SubmapPair], guided: bool, rng: np.random.Generator) -> Dataset:
-    """The likeliest alignments of pairs, with priors drawn by ``rng`` where ``guided``; pairs for which the
-    search has no candidate are left out."""
+    """The likeliest alignments of pairs, if any, with priors drawn by ``rng`` where ``guided``."""
     config, rows = AlignConfig(), []
     for pair in pairs:
         prior = draw_prior(pair.T_a_b, rng) if guided else None
@@ -146,9 +161,8 @@ def collect_samples(pairs: Sequence[SubmapPair], guided: bool, rng: np.random.Ge
 
 
 def fit_likelihood(alignments: CountedAlignments) -> tuple[Array, Array, float]:
-    """Weights ``(2, 3, 7)`` and ``(3,)`` and the constant of
-    `stitch.alignment.likelihood.overlap_log_odds`, from alignments without a prior: a logistic regression on
-    the features over their standard deviations."""
+    """Weights ``(2, 3, 7)``, ``(3,)`` and the constant of `stitch.alignment.likelihood.overlap_log_odds`, by
+    logistic regression on the features of alignments without a prior over their standard deviations."""
     scale = alignments.features.std(axis=0) + SPREAD
     weights, bias = fit_logistic(alignments.features / scale, alignments.right)
     by_count, by_gap = np.split(weights / scale, [-3])
@@ -157,10 +171,51 @@ def fit_likelihood(alignments: CountedAlignments) -> tuple[Array, Array, float]:
 
 def fit_prior_offset(alignments: CountedAlignments, weights: Array, gaps: Array, bias: float) -> float:
     """The constant that having a prior adds to the log-odds, from alignments with one."""
-    from scipy.optimize import minimize_scalar
-
     odds = alignments.features @ np.concatenate([weights.ravel(), gaps]) + bias - alignments.unlikely
     sign = np.where(alignments.right, 1.0, -1.0)
-    return float(
-        minimize_scalar(lambda shift: np.logaddexp(0.0, -sign * (odds + shift)).sum(), bounds=(-20, 20)).x
+    loss = minimize_scalar(lambda shift: np.logaddexp(0.0, -sign * (odds + shift)).sum(), bounds=(-20, 20))
+    return float(loss.x)
+
+
+def require(module: str = "") -> Any:
+    """A module of scikit-learn. Raises `InputError` where it is not installed."""
+    try:
+        return import_module(f"sklearn.{module}" if module else "sklearn")
+    except ImportError as error:
+        raise InputError("training needs scikit-learn: pip install 'slamstitch[train]'") from error
+
+
+def fit_logistic(features: Array, positive: np.ndarray, weights: Array | None = None) -> tuple[Array, float]:
+    """Weights ``(F,)`` and bias of an L2-penalised logistic regression on ``features (n, F)``."""
+    model = require("linear_model").LogisticRegression(C=1.0, tol=1e-8, max_iter=10_000)
+    model.fit(features, positive, sample_weight=weights)
+    return model.coef_[0], float(model.intercept_[0])
+
+
+def fit_network(features: Array, positive: np.ndarray, rng: np.random.Generator) -> AcceptanceClassifier:
+    """The network of `stitch.alignment.acceptance` for ``features (n, F)``, from a start drawn by ``rng``."""
+    network = require("neural_network").MLPClassifier(
+        (HIDDEN,),
+        activation="tanh",
+        solver="lbfgs",
+        alpha=RIDGE,
+        max_iter=ITERATIONS,
+        random_state=int(rng.integers(2**31)),
     )
+    mean, scale = features.mean(axis=0), features.std(axis=0) + 1e-3
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", require("exceptions").ConvergenceWarning)  # so many are enough
+        network.fit((features - mean) / scale, positive)
+    (inner, outer), (offset, bias) = network.coefs_, network.intercepts_
+    return AcceptanceClassifier(mean, scale, inner, offset, outer[:, 0], bias[0])
+
+
+def cross_validate(
+    features: Array, positive: np.ndarray, groups: np.ndarray, rng: np.random.Generator
+) -> Array:
+    """Log-odds ``(n,)`` of every example by a network that was trained on other ``groups (n,)`` only."""
+    folds = require("model_selection").GroupKFold(min(FOLDS, len(np.unique(groups))))
+    log_odds = np.full(len(positive), np.nan)
+    for train, test in folds.split(features, positive, groups):
+        log_odds[test] = fit_network(features[train], positive[train], rng).log_odds(features[test])
+    return log_odds

@@ -1,9 +1,11 @@
-"""Random streams that depend on a seed and on names, not on the order of the work."""
+"""What trials of the studies draw from, and how they hand back arrays."""
 
 from __future__ import annotations
 
+import io
 import zlib
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,3 +22,16 @@ def stream(seed: int, scenario: str, purpose: Purpose, *index: int) -> np.random
 def name_hash(name: str) -> int:
     """A number for a name that is the same on every machine (CRC-32)."""
     return zlib.crc32(name.encode())
+
+
+def pack(arrays: Mapping[str, Any]) -> bytes:
+    """Arrays as the payload of an answer, an .npz file."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()
+
+
+def unpack(payload: bytes) -> dict[str, Any]:
+    """The arrays that were packed."""
+    with np.load(io.BytesIO(payload), allow_pickle=False) as stored:
+        return dict(stored)

@@ -1,0 +1,182 @@
+"""What each study can be told on the command line; the first line of its options says what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+from scenarios.options import StudyOptions
+
+Folder = Annotated[Path, arg(aliases=["-o"])]
+Format = Literal["table", "json"]
+
+
+@dataclass(frozen=True)
+class BeliefOptions(StudyOptions):
+    """How far an alignment may be believed, learnt from pairs whose truth is known.
+
+    Learn the network of `stitch.alignment.acceptance` from simulated pairs of submaps. The likeliest
+    alignment of every pair, with a prior and without one, is an example, right or wrong within the limits of
+    the stitching study; pairs of two buildings are examples that are always wrong. Furniture is moved in
+    every building, in two of three besides the pairs in which it is not. What the network would accept is
+    printed by bin, from networks that learnt from other seeds only. Needs the extra [train].
+    """
+
+    scenarios: str = "hospital,beehive,office_smoke,two_drives,twin_rooms"
+    """Scenarios of the catalogue, with commas between."""
+    seeds: str = "200-263"
+    """Seeds: first-last, or numbers with commas between; 100 and above, two or more."""
+    out: Folder = Path("runs/ablate-belief")
+    """A folder for sweep.sqlite, from which a sweep that was interrupted goes on."""
+    network: Path = Path("belief.npz")
+    """The file to write; the package reads the one in its folder stitch."""
+
+
+@dataclass(frozen=True)
+class ConfidenceOptions(StudyOptions):
+    """What the confidence measures need to be told: weights of their combination, and thresholds.
+
+    Learn `slam.odometry.combination` and the thresholds of `slam.odometry.segmentation` from simulated
+    drives, and print them. Scenarios and seeds are others than those of the segmentation study; every
+    scenario weighs alike. Needs the extra [train].
+    """
+
+    scenarios: str = "beehive,corridor,twin_rooms,two_drives"
+    """Scenarios of the catalogue, with commas between."""
+    seeds: str = "100-111"
+    """Seeds: first-last, or numbers with commas between; 100 and above."""
+    out: Folder = Path("runs/ablate-confidence")
+    """A folder for sweep.sqlite, from which a sweep that was interrupted goes on."""
+
+
+@dataclass(frozen=True)
+class HalmstadOptions:
+    """Real maps: annotated pairs of two buildings in Halmstad, and the two pieces of Experiment 3.
+
+    Align real maps of one building with each other; nothing is tuned on them. Halmstad's maps were drawn by a
+    hand-held device and are bent; keypoints were annotated by hand. A pair is scored where its keypoints fit
+    a similarity with a scale within 3 % of 1 and a residual under 16 pixels; an alignment is right within 1 m
+    and 3° (a pixel taken as 5 cm). Experiment 3 has no truth: what is reported is the share of the second
+    piece's walls within 3 pixels of the first's.
+    """
+
+    data: Path = Path("../shared/data")
+    """The folder with halmstad/ and maps/exp3/."""
+    methods: str = "joint,akaze,orb"
+    """Methods by name, with commas between."""
+    format: Format = "table"
+    """What is printed on stdout."""
+    out: Annotated[Path | None, arg(aliases=["-o"])] = None
+    """A folder for exp3.png: the answers on Experiment 3 beside Formsma's own map."""
+
+
+@dataclass(frozen=True)
+class LikenessOptions(StudyOptions):
+    """What each meeting of two walls says of an alignment, learnt from pairs whose truth is known.
+
+    Learn the weights of `stitch.alignment.likelihood` from simulated pairs of submaps, and print them. Every
+    candidate of the search of a pair is an example, right or wrong within the limits of the stitching study.
+    Furniture is moved in every building, in two of three besides the pairs in which it is not. Logistic
+    regression on the square roots of the counts, with an L2 penalty; then the constant that a prior adds.
+    Needs the extra [train].
+    """
+
+    scenarios: str = "hospital,beehive,office_smoke,two_drives"
+    """Scenarios of the catalogue, with commas between; twin_rooms would teach the wrong thing."""
+    seeds: str = "200-211"
+    """Seeds: first-last, or numbers with commas between; 100 and above."""
+    out: Folder = Path("runs/ablate-likeness")
+    """A folder for sweep.sqlite, from which a sweep that was interrupted goes on."""
+
+
+@dataclass(frozen=True)
+class MethodsOptions(StudyOptions):
+    """How good the map of a whole drive becomes, by scenario and method, on the same drives.
+
+    Simulate every scenario with every seed, let every method map each drive, and compare them. A drive that
+    makes a method fail is left out of its figures and counted; the exit code is then 1.
+    """
+
+    scenarios: str = "hospital,office_smoke,two_drives,collapsed,outdoor,twin_rooms"
+    """Scenarios of the catalogue, with commas between."""
+    seeds: str = "10"
+    """Seeds: how many, counted from 0; or first-last; or numbers with commas between."""
+    out: Folder = Path("runs/ablate-methods")
+    """A folder for results.csv and sweep.sqlite, from which a sweep that was interrupted goes on."""
+    methods: str = "ins,wsm,slamstitch,oracle"
+    """Methods by name, with commas between; "oracle" is ours, told the true cuts and loop closures."""
+    variant: str = "gnc"
+    """Back ends of slamstitch, with commas between: gnc, none (every stitch is kept)."""
+    inject: float = 0.0
+    """Run slamstitch again with so many false stitches that they are this share of all."""
+    format: Format = "table"
+    """What is printed on stdout."""
+
+
+@dataclass(frozen=True)
+class SegmentationOptions(StudyOptions):
+    """Which measure knows that the robot is lost, and what its cuts are worth to the map.
+
+    Let ManifoldSLAM track every drive, and score every measure of confidence against the truth. Then let each
+    cut every drive, at a threshold learnt on other scenarios, and map what is left. Writes results.csv, the
+    figures and index.html.
+    """
+
+    scenarios: str = "hospital,office_smoke,collapsed,outdoor"
+    """Scenarios of the catalogue, with commas between; those that thresholds were learnt on are beehive,
+    corridor, twin_rooms and two_drives."""
+    seeds: str = "20"
+    """Seeds: how many, counted from 0; or first-last; or numbers with commas between."""
+    out: Folder = Path("runs/ablate-segmentation")
+    """A folder for results.csv, the page and sweep.sqlite, from which an interrupted sweep goes on."""
+    measures: str = ""
+    """Measures by name, with commas between; all without a name."""
+    no_maps: bool = False
+    """Score the measures only; let nothing be cut."""
+    thorough: bool = False
+    """Map with slamstitch's own settings, which takes about twice as long."""
+    format: Format = "table"
+    """What is printed on stdout."""
+
+
+@dataclass(frozen=True)
+class StitchingOptions(StudyOptions):
+    """How often two submaps of one building are joined rightly, wrongly or not at all, by true overlap.
+
+    Cut pairs of submaps from two simulated drives through a building, and let every method align them.
+    Submaps are fragments of a drive (``--length``), drawn at the poses that the front end estimated; before
+    the second drive through every third building half the furniture is moved. Overlap is the share of the
+    smaller map's known area that both drives have seen, from the true poses. An alignment is right within
+    0.3 m (at the middle of the overlap) and 2°. The prior has a standard deviation of 1 m on each axis and
+    10°, and errors as large.
+    """
+
+    scenarios: str = "hospital,beehive,office_smoke,two_drives,twin_rooms"
+    """Scenarios of the catalogue, with commas between; twin_rooms has a bin of its own."""
+    seeds: str = "0-19"
+    """Seeds: first-last, or numbers with commas between; more are used only while a bin is not full."""
+    out: Folder = Path("runs/ablate-stitching")
+    """A folder for results.csv and sweep.sqlite, from which a sweep that was interrupted goes on."""
+    pairs: int = 100
+    """Pairs per bin; fewer where the seeds do not give as many."""
+    methods: str = ""
+    """Methods by name, with commas between; all without a name."""
+    length: Annotated[tuple[float, float], arg(metavar="SHORTEST LONGEST")] = (30.0, 60.0)
+    """Metres of drive that make a submap; those of 30–60 m are of about 30 × 20 m."""
+    format: Format = "table"
+    """What is printed on stdout."""
+
+
+STUDIES: dict[str, type] = {
+    "belief": BeliefOptions,
+    "confidence": ConfidenceOptions,
+    "halmstad": HalmstadOptions,
+    "likeness": LikenessOptions,
+    "methods": MethodsOptions,
+    "segmentation": SegmentationOptions,
+    "stitching": StitchingOptions,
+}
+"""Studies by name: `scenarios.ablate.study.<name>` runs one with its options."""
