@@ -32,7 +32,7 @@ from stitch.alignment.acceptance import AcceptanceClassifier
 from stitch.alignment.config import AlignConfig
 from stitch.mapping import online
 from stitch.mapping.bundle import BundleConfig
-from stitch.mapping.loop_closure import LoopConfig
+from stitch.mapping.submap_graph import LoopConfig
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
