@@ -12,12 +12,11 @@ from pathlib import Path
 from statistics import fmean
 from typing import TypeAlias
 
-from scenarios.sweep.attempt import Prepare, RunTrial
 from scenarios.sweep.executors import SchedulerLostError, executor_for
 from scenarios.sweep.progress import Progress, showing
 from scenarios.sweep.scheduler import Numbered, TrialScheduler
 from scenarios.sweep.store import Store, opened
-from scenarios.sweep.trial import Answer, Failure, Outcome, Trial
+from scenarios.sweep.trial import Answer, Failure, Outcome, Prepare, RunTrial, Trial
 from slam.cli import InputError
 
 OnResult: TypeAlias = Callable[[Trial, Answer | Failure], None]
