@@ -16,10 +16,9 @@ from scenarios.catalogue.building import jittered, rectangle, start, walls
 from scenarios.catalogue.furnishing import stones
 from sim.driver import DriverConfig, resample
 from sim.floorplan import Prism, box
-from sim.movers import Debris
 from sim.record import Setup
 from sim.terrain import Terrain
-from sim.world import World
+from sim.world import Debris, World
 from slam.se2 import Array
 
 Room = tuple[int, int]

@@ -12,9 +12,9 @@ import numpy as np
 
 from scenarios.catalogue.building import jittered, start, walls, with_heaps
 from scenarios.catalogue.furnishing import Area, furnish
+from sim.dead_reckoning import OdometryConfig
 from sim.driver import resample
 from sim.floorplan import column
-from sim.odometry import OdometryConfig
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World

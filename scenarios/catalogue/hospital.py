@@ -18,9 +18,9 @@ import numpy as np
 from scenarios.catalogue.building import closed_doors, jittered, walls, with_heaps, with_sills
 from scenarios.catalogue.furnishing import Area, furnish
 from sim.corruption import Effects
+from sim.dead_reckoning import InertialConfig, ShockConfig
 from sim.driver import DriverConfig, resample
 from sim.floorplan import Prism
-from sim.inertial import InertialConfig, ShockConfig
 from sim.laser import Scanner
 from sim.record import Setup
 from sim.terrain import Terrain

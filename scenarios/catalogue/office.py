@@ -18,10 +18,9 @@ from scenarios.catalogue.building import closed_doors, rectangle, walls, with_he
 from scenarios.catalogue.furnishing import PIECES, Area, distance, furnish
 from sim.driver import resample
 from sim.floorplan import Prism, box
-from sim.movers import Debris
 from sim.smoke import Smoke
 from sim.terrain import Terrain
-from sim.world import World
+from sim.world import Debris, World
 from slam.se2 import Array
 
 LENGTH, DEPTH = 53.0, 47.0

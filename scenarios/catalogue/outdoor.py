@@ -15,10 +15,9 @@ from scenarios.catalogue.equipment import PIONEER, SICK
 from scenarios.catalogue.furnishing import stones
 from sim.driver import DriverConfig, resample
 from sim.floorplan import Prism, column, stone
-from sim.movers import Person
 from sim.record import Setup
 from sim.terrain import Terrain
-from sim.world import World
+from sim.world import Person, World
 from slam.se2 import Array
 
 LENGTH, DEPTH = 50.0, 40.0

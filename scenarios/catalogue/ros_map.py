@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sim.driver import DriverConfig, resample
-from sim.floorplan import WALL_HEIGHT
-from sim.occupancy_walls import walls
+from sim.floorplan import WALL_HEIGHT, walls_of_map
 from sim.record import Setup
 from sim.robot import RobotConfig
 from sim.route import NoRouteError, plan
@@ -56,7 +55,7 @@ class MappedBuilding:
             raise InputError(f"{self.path}: {error}") from error
         path = resample(route)
         length = 0.05 * len(path)
-        world = World(tuple(walls(grid)), _rubble(path, length, rng), WALL_HEIGHT)
+        world = World(tuple(walls_of_map(grid)), _rubble(path, length, rng), WALL_HEIGHT)
         start = self.start or (*path[0].tolist(), _heading(path))
         driver = DriverConfig(time_limit=max(DriverConfig.time_limit, SECONDS_PER_METRE * length))
         return Setup(world, start, route, robot=robot, driver=driver)

@@ -14,8 +14,8 @@ import numpy as np
 
 from scenarios.catalogue.building import jittered, start, walls, with_heaps, with_sills
 from scenarios.catalogue.furnishing import Area, furnish
+from sim.dead_reckoning import InertialConfig
 from sim.driver import resample
-from sim.inertial import InertialConfig
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World

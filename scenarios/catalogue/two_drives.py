@@ -17,8 +17,8 @@ from scenarios.catalogue.building import jittered, spread, start
 from scenarios.catalogue.equipment import PIONEER, SICK
 from scenarios.catalogue.furnishing import Area
 from sim.corruption import Effects
+from sim.dead_reckoning import ShockConfig
 from sim.driver import DriverConfig
-from sim.inertial import ShockConfig
 from sim.record import Setup
 from slam.se2 import Array
 
