@@ -23,15 +23,23 @@ LONGEST_SIDE = 1024
 REGION_SHAPES = 12
 
 
-class Cells(NamedTuple):
-    """The grid. Cell c = j · columns + i spans ``size`` m from ``(x0, y0) + size · (i, j)``.
+class Frame(NamedTuple):
+    """Where cells lie: cell c = j · columns + i spans ``size`` m from ``(x0, y0) + size · (i, j)``."""
 
-    Its shapes are ``shapes[a:b]`` (edges) and ``shapes[b:c]`` (solids). ``plates (E, 6)``: x1, y1, x2, y2,
-    z_lo, z_hi m of each edge; ``copies``: the same in the order of ``shapes``; ``closed (E,)``: the edge
-    belongs to a solid. ``leaps (cells, 7)`` int32: the box i_lo, i_hi, j_lo, j_hi (ends excluded), a, b, c.
-    ``regions (cells, 5)``: the box and the number of its shapes, -1 where the cell alone has too many,
-    listed in ``region_shapes (cells, REGION_SHAPES)``. The outermost ring of cells is empty and belongs to no
-    box.
+    x0: float
+    y0: float
+    size: float
+    columns: int
+    rows: int
+
+
+class Cells(NamedTuple):
+    """The grid, its `Frame` first. Shapes of cell c are ``shapes[a:b]`` (edges) and ``shapes[b:c]`` (solids).
+
+    ``plates (E, 6)``: x1, y1, x2, y2, z_lo, z_hi m of each edge; ``copies``: the same in the order of
+    ``shapes``. ``leaps (cells, 7)`` int32: the box i_lo, i_hi, j_lo, j_hi (ends excluded), a, b, c.
+    ``regions (cells, 5)``: the box and the number of its shapes, -1 where the cell alone has too many, listed
+    in ``region_shapes (cells, REGION_SHAPES)``. The outermost ring of cells is empty and belongs to no box.
     """
 
     x0: float
@@ -40,20 +48,11 @@ class Cells(NamedTuple):
     columns: int
     rows: int
     plates: Array
-    closed: np.ndarray
     shapes: np.ndarray
     copies: Array
     leaps: np.ndarray
     regions: np.ndarray
     region_shapes: np.ndarray
-
-
-class _Frame(NamedTuple):
-    x0: float
-    y0: float
-    size: float
-    columns: int
-    rows: int
 
 
 def build(obstacles: Obstacles) -> Cells:
@@ -74,7 +73,6 @@ def build(obstacles: Obstacles) -> Cells:
     return Cells(
         *frame,
         plates=plates,
-        closed=(counts > 1).repeat(counts),
         shapes=shapes,
         copies=plates[np.where(shapes < len(edges), shapes, 0)],
         leaps=np.column_stack([leaps[:, :4], starts[:-1], solids_at, starts[1:]]).astype(np.int32),
@@ -92,7 +90,7 @@ def _shapes(obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _frame(edges: Array) -> _Frame:
+def _frame(edges: Array) -> Frame:
     """Where the cells lie: over all edges, with a ring to spare."""
     points = edges.reshape(-1, 2) if len(edges) else np.zeros((1, 2))
     lower = points.min(axis=0)
@@ -101,7 +99,7 @@ def _frame(edges: Array) -> _Frame:
     size = max(size, float(extent.max()) / LONGEST_SIDE) or 1.0
     columns, rows = (int(n) for n in extent / size + 1.0)
     x0, y0 = (float(v) for v in lower - 1.01 * size)
-    return _Frame(x0, y0, size, columns + 3, rows + 3)
+    return Frame(x0, y0, size, columns + 3, rows + 3)
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,7 +130,7 @@ def _bounds(first, last, edges, frame):
 
 
 def _sorted_into_cells(
-    first: np.ndarray, last: np.ndarray, obstacles: Obstacles, frame: _Frame
+    first: np.ndarray, last: np.ndarray, obstacles: Obstacles, frame: Frame
 ) -> tuple[np.ndarray, np.ndarray]:
     """Shapes by cell: those of cell c are ``shapes[starts[c]:starts[c + 1]]``, in ascending order."""
     counts = np.zeros(frame.columns * frame.rows, dtype=np.int64)

@@ -74,7 +74,7 @@ class Raycaster:
         ranges = np.empty((len(poses), len(angles)))
         cosines = np.empty_like(ranges) if incidence else np.empty((0, 0))
         c, s = np.cos(angles), np.sin(angles)
-        traversal.cast_beams(poses, angles, c, s, float(range_max), planar, self._scene, ranges, cosines)
+        traversal.cast_beams(poses, c, s, float(range_max), planar, self._scene, ranges, cosines)
         return ranges, cosines
 
 
@@ -113,7 +113,7 @@ class MovingObstacles:
 @njit(cache=True, error_model="numpy")
 def _cast_movers(poses, angles, reach, solids, movers, radius, ranges, cosines):
     for n in range(len(poses)):
-        directions = beam_directions(poses[n], angles)
+        directions = beam_directions(poses[n], np.cos(angles), np.sin(angles))
         for k in range(movers.shape[1]):
             ox, oy = poses[n, 0] - movers[n, k, 0], poses[n, 1] - movers[n, k, 1]
             if ox * ox + oy * oy > (reach + radius[k]) ** 2:
@@ -121,7 +121,7 @@ def _cast_movers(poses, angles, reach, solids, movers, radius, ranges, cosines):
             c, s = np.cos(movers[n, k, 2]), np.sin(movers[n, k, 2])
             x, y, z = c * ox + s * oy, c * oy - s * ox, poses[n, 5] - movers[n, k, 3]
             for b in range(len(angles)):
-                dx, dy, dz = directions[b]
+                dx, dy, dz = directions[0, b], directions[1, b], directions[2, b]
                 if abs(ox * dy - oy * dx) > radius[k] * np.hypot(dx, dy):
                     continue
                 r, cosine = solid_hit(x, y, z, c * dx + s * dy, c * dy - s * dx, dz, k, solids)
