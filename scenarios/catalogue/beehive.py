@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.catalogue.building import closed_doors, start, walls, with_heaps, with_sills
-from scenarios.catalogue.furnishing import PIECES, distance
+from scenarios.catalogue.building import PIECES, closed_doors, distance, start, walls, with_heaps, with_sills
 from sim.driver import resample
 from sim.floorplan import Prism
 from sim.record import Setup

@@ -12,9 +12,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenarios.catalogue.building import jittered, rectangle, start, walls
-from scenarios.catalogue.furnishing import stones
-from sim.driver import DriverConfig, resample
+from scenarios.catalogue.building import jittered, rectangle, start, stones, walls
+from sim.driver import resample
 from sim.floorplan import Prism, box
 from sim.record import Setup
 from sim.terrain import Terrain
@@ -45,7 +44,6 @@ SLABS, SLAB_LENGTH, SLAB_WIDTH, SLAB_RISE = 4, 1.6, 1.2, (0.25, 0.45)
 """Number, length, width and rise [m] of the slabs on the route."""
 RUBBLE, ROUGHNESS = 0.03, np.deg2rad(3.0)
 HEAPS, HEAP_HEIGHT, HEAP_RADIUS = 30, (0.04, 0.09), (0.6, 1.3)
-DRIVER = DriverConfig(speed=0.7, caution=5.0, pause_every=14.0, pause_mean=3.0)
 
 
 def build(rng: np.random.Generator) -> Setup:
@@ -62,7 +60,7 @@ def build(rng: np.random.Generator) -> Setup:
     near = [b for b in blocks if _distance(path, b) < 0.35 and _distance(path[:40], b) > 0.5]
     debris = tuple(Debris(block, mass=rng.uniform(2.0, 6.0)) for block in near[:BLOCKS])
     world = World(tuple(prisms), _ground(path, rng), CEILING, debris=debris)
-    return Setup(world, start(route), route, driver=DRIVER)
+    return Setup(world, start(route), route)
 
 
 def draw_route(gaps: dict[Pair, Array], rng: np.random.Generator) -> Array:

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.catalogue.building import jittered, start, walls, with_heaps
-from scenarios.catalogue.furnishing import Area, furnish
-from sim.dead_reckoning import OdometryConfig
+from scenarios.catalogue.building import Area, furnish, jittered, start, walls, with_heaps
 from sim.driver import resample
 from sim.floorplan import column
 from sim.record import Setup
@@ -26,7 +24,6 @@ HALL = 8.0
 CEILING = 2.5
 CLEARANCE = 0.45
 HEAPS = 6
-ODOMETRY = OdometryConfig(slip=0.02, slip_per_tilt=0.3, burst=0.1, burst_rate=0.05, skid_ratio=1.5)
 LOW, HIGH = 0.5 * (HALL - WIDTH), 0.5 * (HALL + WIDTH)
 """y of the corridor's walls [m]."""
 
@@ -46,13 +43,7 @@ def build(rng: np.random.Generator) -> Setup:
         kinds = rng.choice(["desk", "table", "cupboard", "trolley", "chair"], 8)
         prisms += furnish(Area(x, 0.0, x + HALL, HALL), kinds, path, CLEARANCE, rng)
     terrain = with_heaps(Terrain.level([-0.5, -0.5], [end + 0.5, HALL + 0.5]), route, HEAPS, rng)
-    return Setup(
-        World(tuple(prisms), terrain, CEILING),
-        start(route),
-        route,
-        dead_reckoning="odometry",
-        odometry=ODOMETRY,
-    )
+    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route)
 
 
 def _segments() -> list[tuple[float, float, float, float]]:

@@ -12,16 +12,13 @@ stitched.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from scenarios.catalogue.building import closed_doors, jittered, walls, with_heaps, with_sills
-from scenarios.catalogue.furnishing import Area, furnish
-from sim.corruption import Effects
-from sim.dead_reckoning import InertialConfig, ShockConfig
-from sim.driver import DriverConfig, resample
+from scenarios.catalogue.building import Area, closed_doors, furnish, jittered, walls, with_heaps, with_sills
+from sim.driver import resample
 from sim.floorplan import Prism
-from sim.laser import Scanner
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World
@@ -44,15 +41,6 @@ HEAPS = 4
 LEDGE = 0.3
 """What the robot falls from in the first room: the shock upsets the INS [m]."""
 
-SCANNER = Scanner(
-    effects=Effects(noise_constant=0.002, noise_slope=0.0, mixed_probability=0.1, dropout_floor=0.0)
-)
-"""USARSim's laser is nearly free of noise. This and what follows brings the drive near the one of the
-thesis's log, see ``python -m scenarios.bench.realism``."""
-INS = InertialConfig(yaw_noise=0.072, attitude_noise=np.deg2rad(0.15))
-SHOCK = ShockConfig(jump=np.deg2rad(13.5))
-DRIVER = DriverConfig(speed=0.80, pause_every=10.0, pause_mean=5.2)
-
 
 @dataclass(frozen=True)
 class Room:
@@ -69,8 +57,7 @@ class Room:
         return np.array([0.5 * (self.x0 + self.x1), 0.5 * (self.y[0] + self.y[1])])
 
 
-@dataclass(frozen=True)
-class Rooms:
+class Rooms(NamedTuple):
     """The rooms from west to east, on the three sides of the corridors."""
 
     south: tuple[Room, ...]
@@ -91,9 +78,7 @@ def build(rng: np.random.Generator) -> Setup:
     shut = closed_doors(doors, route, SHARE_CLOSED, rng)
     prisms = [*walls(_segments(rooms), doors), *shut, *_furniture(rooms, route, rng)]
     terrain = _hazards(rooms, route, rng)
-    start = (float(route[0, 0]), float(route[0, 1]), 0.0)
-    world = World(tuple(prisms), terrain, CEILING)
-    return Setup(world, start, route, scanner=SCANNER, inertial=INS, shock=SHOCK, driver=DRIVER)
+    return Setup(World(tuple(prisms), terrain, CEILING), (*route[0].tolist(), 0.0), route)
 
 
 def draw_rooms(rng: np.random.Generator) -> Rooms:
@@ -149,25 +134,28 @@ def _cross_hall(corridor: float, other: float, rng: np.random.Generator) -> list
 
 def _visit(room: Room, corridor: float, rng: np.random.Generator, apart: float = 0.8) -> list[Array]:
     """In by the door, to two spots of the room, and out again."""
-    wall_y = min(room.doors, key=lambda y: abs(y - corridor))
-    door = room.doors[wall_y]
-    inwards = np.sign(wall_y - corridor)
+    outside, step, inwards = _entry(room, corridor)
     spots = [
         room.centre + np.array([side * rng.uniform(0.7, 1.3) * apart, inwards * rng.uniform(-0.4, 1.0)])
         for side in rng.permutation([-1.0, 1.0])
     ]
-    outside, step = np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards])
     return [outside, step, *spots, step, outside]
 
 
 def _glance(room: Room, corridor: float, rng: np.random.Generator) -> list[Array]:
     """In by the door, to the middle of the room, and out again."""
+    outside, step, inwards = _entry(room, corridor)
     wall_y = min(room.doors, key=lambda y: abs(y - corridor))
-    door = room.doors[wall_y]
-    inwards = np.sign(wall_y - corridor)
     spot = np.array([room.centre[0] + rng.uniform(-0.6, 0.6), wall_y + inwards * rng.uniform(1.6, 2.2)])
-    outside, step = np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards])
     return [outside, step, spot, step, outside]
+
+
+def _entry(room: Room, corridor: float) -> tuple[Array, Array, float]:
+    """Outside and inside of a room's door to a corridor (2), and the sign of y inwards."""
+    wall_y = min(room.doors, key=lambda y: abs(y - corridor))
+    inwards = float(np.sign(wall_y - corridor))
+    door = room.doors[wall_y]
+    return np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards]), inwards
 
 
 def _pass(room: Room, corridor: float, other: float) -> list[Array]:

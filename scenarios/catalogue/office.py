@@ -14,8 +14,16 @@ from typing import Literal
 
 import numpy as np
 
-from scenarios.catalogue.building import closed_doors, rectangle, walls, with_heaps
-from scenarios.catalogue.furnishing import PIECES, Area, distance, furnish
+from scenarios.catalogue.building import (
+    PIECES,
+    Area,
+    closed_doors,
+    distance,
+    furnish,
+    rectangle,
+    walls,
+    with_heaps,
+)
 from sim.driver import resample
 from sim.floorplan import Prism, box
 from sim.smoke import Smoke

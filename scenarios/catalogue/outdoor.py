@@ -10,10 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenarios.catalogue.building import start, with_heaps
-from scenarios.catalogue.equipment import PIONEER, SICK
-from scenarios.catalogue.furnishing import stones
-from sim.driver import DriverConfig, resample
+from scenarios.catalogue.building import start, stones, with_heaps
+from sim.driver import resample
 from sim.floorplan import Prism, column, stone
 from sim.record import Setup
 from sim.terrain import Terrain
@@ -32,7 +30,6 @@ HILLS, HILL = 0.2, 3.0
 LAPS = 1.15
 """Of the figure of eight that is driven."""
 CLEARANCE = 0.6
-DRIVER = DriverConfig(speed=0.9, lookahead=0.7, pause_every=18.0, pause_mean=3.0)
 
 
 def build(rng: np.random.Generator) -> Setup:
@@ -52,14 +49,7 @@ def build(rng: np.random.Generator) -> Setup:
     terrain = terrain.with_rubble_field(low - 1.0, high + 1.0, HILLS, 0.0, rng, grain=HILL)
     terrain = with_heaps(terrain, route, HEAPS, rng)
     people = tuple(_walker(path, rng) for _ in range(WALKERS))
-    return Setup(
-        World(tuple(prisms), terrain, people=people),
-        start(route),
-        route,
-        robot=PIONEER,
-        scanner=SICK,
-        driver=DRIVER,
-    )
+    return Setup(World(tuple(prisms), terrain, people=people), start(route), route)
 
 
 def draw_route(rng: np.random.Generator) -> Array:

@@ -12,9 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenarios.catalogue.building import jittered, start, walls, with_heaps, with_sills
-from scenarios.catalogue.furnishing import Area, furnish
-from sim.dead_reckoning import InertialConfig
+from scenarios.catalogue.building import Area, furnish, jittered, start, walls, with_heaps, with_sills
 from sim.driver import resample
 from sim.record import Setup
 from sim.terrain import Terrain
@@ -28,8 +26,6 @@ WIDTH, DEPTH, CORRIDOR = 4.0, 4.5, 2.0
 """Of a room along and across the corridor, and of the corridor [m]."""
 DOOR_X = 1.2
 """Middle of a room's door, from its west wall [m]."""
-INERTIAL = InertialConfig(model="consistent")
-"""Its position drifts with its yaw."""
 LEDGE, SLOPE = 0.3, 1.8
 """Height and length of the ramp that ends in the ledge, on the south side of the corridor [m]."""
 TURN = 6.0
@@ -60,7 +56,7 @@ def build(rng: np.random.Generator) -> Setup:
     terrain = with_heaps(with_sills(terrain, doors, rng), route, HEAPS, rng)
     ledge = np.array([length - 2.0, DEPTH + 0.5 * CORRIDOR - 0.45])
     terrain = terrain.with_ramp(ledge - [SLOPE, 0.0], ledge, 0.7, LEDGE)
-    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route, inertial=INERTIAL)
+    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route)
 
 
 def draw_route(anchors: Array, rng: np.random.Generator) -> Array:

@@ -13,12 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.catalogue import office
-from scenarios.catalogue.building import jittered, spread, start
-from scenarios.catalogue.equipment import PIONEER, SICK
-from scenarios.catalogue.furnishing import Area
-from sim.corruption import Effects
-from sim.dead_reckoning import ShockConfig
-from sim.driver import DriverConfig
+from scenarios.catalogue.building import Area, jittered, spread, start
 from sim.record import Setup
 from slam.se2 import Array
 
@@ -30,11 +25,6 @@ BLINDING = 60.0
 """Extinction coefficient there: hardly a beam comes as far as the laser's least range [1/m]."""
 LEDGE = 0.35
 """What the robot falls from in the store [m]."""
-RETURN = 0.03
-"""Share of the scattered beams that come back."""
-SHOCK = ShockConfig(impulse=8.0)
-"""A blow that upsets the INS changes the speed of this lighter robot as much as that of others."""
-DRIVER = DriverConfig(speed=1.1, lookahead=0.7, pause_every=25.0, pause_mean=2.5)
 
 
 def build(rng: np.random.Generator) -> Setup:
@@ -53,16 +43,7 @@ def build(rng: np.random.Generator) -> Setup:
         smoke=world.smoke and world.smoke.with_polygon(filled, BLINDING),
         terrain=world.terrain.with_ramp(blind[3] + 0.2 * climb, blind[3] + 0.7 * climb, 1.2, LEDGE),
     )
-    return Setup(
-        world,
-        start(route),
-        route,
-        robot=PIONEER,
-        scanner=replace(SICK, effects=Effects(smoke_return=RETURN)),
-        shock=SHOCK,
-        driver=DRIVER,
-        scan_interval=0.35,
-    )
+    return Setup(world, start(route), route)
 
 
 def _through_the_store(door: float, rng: np.random.Generator) -> Array:
