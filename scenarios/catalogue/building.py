@@ -133,6 +133,11 @@ class Area:
     x1: float
     y1: float
 
+    @property
+    def middle(self) -> tuple[float, float]:
+        """x and y of its middle [m]."""
+        return 0.5 * (self.x0 + self.x1), 0.5 * (self.y0 + self.y1)
+
     def touches(self, point: Sequence[float], margin: float = 0.05) -> bool:
         """True where x, y lies in the rectangle or on its edge."""
         x, y = point[:2]

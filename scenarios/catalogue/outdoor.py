@@ -40,9 +40,8 @@ def build(rng: np.random.Generator) -> Setup:
     prisms = _hedge(_outline(rng), rng)
     for _ in range(HEDGES):
         prisms += _clear_of(path, _hedge(_bow(rng), rng))
-    trunks = [
-        column(rng.uniform(low + 2.0, high - 2.0), rng.uniform(*TRUNK), 8, height=4.0) for _ in range(TREES)
-    ]
+    inner = low + 2.0, high - 2.0
+    trunks = [column(rng.uniform(*inner), rng.uniform(*TRUNK), 8, height=4.0) for _ in range(TREES)]
     prisms += _clear_of(path, trunks)
     prisms += stones(low + 1.0, high - 1.0, ROCKS, (0.15, 0.7), (0.15, 0.9), path, CLEARANCE, rng)
     terrain = Terrain.level(low - 2.0, high + 2.0, 0.1)
@@ -64,10 +63,7 @@ def draw_route(rng: np.random.Generator) -> Array:
 
 def _outline(rng: np.random.Generator) -> Array:
     """Corners of the hedge around everything: a wavy rectangle, closed."""
-    sides = resample(
-        [[0.0, 0.0], [LENGTH, 0.0], [LENGTH, DEPTH], [0.0, DEPTH], [0.0, 0.0]],
-        spacing=0.9,
-    )
+    sides = resample([[0.0, 0.0], [LENGTH, 0.0], [LENGTH, DEPTH], [0.0, DEPTH], [0.0, 0.0]], spacing=0.9)
     waves = 0.5 * np.stack([np.sin(0.7 * sides[:, 1]), np.sin(0.5 * sides[:, 0])], -1)
     return sides + waves + rng.uniform(-0.25, 0.25, sides.shape)
 

@@ -15,7 +15,6 @@ import numpy as np
 from scenarios.catalogue import office
 from scenarios.catalogue.building import Area, jittered, spread, start
 from sim.record import Setup
-from slam.se2 import Array
 
 CLOUDS, RADIUS, EXTINCTION = 5, (2.0, 4.0), (0.1, 0.4)
 """Number, radius [m] and extinction coefficient [1/m] of the clouds on the first drive."""
@@ -31,7 +30,9 @@ def build(rng: np.random.Generator) -> Setup:
     """One office building and two drives through it: doors, furniture and exact routes drawn from ``rng``."""
     door = rng.uniform(9.0, 11.0)
     begin = np.array([office.MIDDLE, rng.uniform(4.0, 6.0)])
-    blind = _through_the_store(door, rng)
+    west, east = STORE.x0 + 1.3, STORE.x1 - 1.3
+    round_the_store = jittered([[west, -1.5], [west, -4.5], [east, -4.5], [east, -1.5]], 0.15, rng)
+    blind = np.array([[door, 1.0], [door, -0.8], *round_the_store, [door, -0.8], [door, 1.0]])
     corner = [office.MIDDLE, office.MIDDLE]
     route = np.array([begin, corner, *office.round_trip(rng), *blind, *office.round_trip(rng)[1:]])
     clouds = [(p, rng.uniform(*RADIUS), rng.uniform(*EXTINCTION)) for p in spread(route, CLOUDS, rng)]
@@ -44,11 +45,3 @@ def build(rng: np.random.Generator) -> Setup:
         terrain=world.terrain.with_ramp(blind[3] + 0.2 * climb, blind[3] + 0.7 * climb, 1.2, LEDGE),
     )
     return Setup(world, start(route), route)
-
-
-def _through_the_store(door: float, rng: np.random.Generator) -> Array:
-    """In by the door, round the store and out again: waypoints ``(K, 2)`` m."""
-    west, east = STORE.x0 + 1.3, STORE.x1 - 1.3
-    corners = [[west, -1.5], [west, -4.5], [east, -4.5], [east, -1.5]]
-    inside = jittered(corners, 0.15, rng)
-    return np.array([[door, 1.0], [door, -0.8], *inside, [door, -0.8], [door, 1.0]])
