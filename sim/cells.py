@@ -59,17 +59,22 @@ def build(obstacles: Obstacles) -> Cells:
     """The grid over some obstacles. Edge e is shape e; solid k is shape (number of edges) + k."""
     edges, counts = obstacles.edges, np.diff(obstacles.first)
     frame = _frame(edges)
-    first, last = _shapes(obstacles)
-    starts, shapes = _sorted_into_cells(first, last, obstacles, frame)
+    single, begin, end = np.arange(len(edges)), obstacles.first[:-1], obstacles.first[1:]
+    first = np.concatenate([single, begin])  # edges of every shape; a plate is no solid, hence empty as one
+    last = np.concatenate([single + 1, np.where(counts > 1, end, begin)])
+    filled = np.zeros(frame.columns * frame.rows, dtype=np.int64)
+    _sort(first, last, edges, obstacles.planes, frame, filled, np.empty(0, dtype=np.int32))
+    starts = np.concatenate([[0], np.cumsum(filled)])  # shapes[starts[c]:starts[c + 1]] touch cell c
+    shapes = np.empty(starts[-1], dtype=np.int32)
+    _sort(first, last, edges, obstacles.planes, frame, starts[:-1].copy(), shapes)
     bands = np.column_stack([obstacles.z_lo, obstacles.z_hi]).repeat(counts, axis=0)
     plates = np.hstack([edges, bands])
     before = np.concatenate([[0], np.cumsum(shapes < len(edges))])
     solids_at = starts[:-1] + np.diff(before[starts])
     limits = np.diff(starts)
     leaps, _ = _grow_all(limits, starts, shapes, frame, 0)
-    regions, region_shapes = _grow_all(
-        np.full_like(limits, REGION_SHAPES), starts, shapes, frame, REGION_SHAPES
-    )
+    few = np.full_like(limits, REGION_SHAPES)
+    regions, region_shapes = _grow_all(few, starts, shapes, frame, REGION_SHAPES)
     return Cells(
         *frame,
         plates=plates,
@@ -78,15 +83,6 @@ def build(obstacles: Obstacles) -> Cells:
         leaps=np.column_stack([leaps[:, :4], starts[:-1], solids_at, starts[1:]]).astype(np.int32),
         regions=regions,
         region_shapes=region_shapes,
-    )
-
-
-def _shapes(obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray]:
-    """First and last (excluded) edge of every shape; a plate is no solid, hence empty as one."""
-    single = np.arange(len(obstacles.edges))
-    begin, end = obstacles.first[:-1], obstacles.first[1:]
-    return np.concatenate([single, begin]), np.concatenate(
-        [single + 1, np.where(end - begin > 1, end, begin)]
     )
 
 
@@ -127,18 +123,6 @@ def _bounds(first, last, edges, frame):
     i_lo, i_hi = int((x_lo - frame.x0) / frame.size - MARGIN), int((x_hi - frame.x0) / frame.size + MARGIN)
     j_lo, j_hi = int((y_lo - frame.y0) / frame.size - MARGIN), int((y_hi - frame.y0) / frame.size + MARGIN)
     return i_lo, j_lo, i_hi, j_hi
-
-
-def _sorted_into_cells(
-    first: np.ndarray, last: np.ndarray, obstacles: Obstacles, frame: Frame
-) -> tuple[np.ndarray, np.ndarray]:
-    """Shapes by cell: those of cell c are ``shapes[starts[c]:starts[c + 1]]``, in ascending order."""
-    counts = np.zeros(frame.columns * frame.rows, dtype=np.int64)
-    _sort(first, last, obstacles.edges, obstacles.planes, frame, counts, np.empty(0, dtype=np.int32))
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    shapes = np.empty(starts[-1], dtype=np.int32)
-    _sort(first, last, obstacles.edges, obstacles.planes, frame, starts[:-1].copy(), shapes)
-    return starts, shapes
 
 
 @njit(cache=True, error_model="numpy")

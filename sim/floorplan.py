@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -148,12 +148,6 @@ def _legs(pose: ArrayLike, length: float, width: float, height: float, side: flo
     x, y = 0.5 * (length - side), 0.5 * (width - side)
     corners = [[x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0], [x, -y, 0.0]]
     return [box(se2.compose(pose, corner), side, side, z_hi=height) for corner in corners]
-
-
-def outlines(prisms: Iterable[Prism], z: float) -> Array:
-    """Edges ``(S, 4)`` of the prisms that a horizontal plane at height ``z`` m cuts."""
-    cut = [prism.edges for prism in prisms if prism.z_lo <= z <= prism.z_hi]
-    return np.vstack(cut) if cut else np.empty((0, 4))
 
 
 TOLERANCE = 0.75

@@ -8,15 +8,8 @@ from typing import Literal, Protocol, get_args
 
 import numpy as np
 
-from sim.dead_reckoning import (
-    InertialConfig,
-    OdometryConfig,
-    ShockConfig,
-    attitude,
-    ins_poses,
-    shocks,
-    wheel_odometry,
-)
+from sim import dead_reckoning as reckoning
+from sim.dead_reckoning import InertialConfig, OdometryConfig, ShockConfig
 from sim.driver import Driver, DriverConfig, Ending
 from sim.laser import MovingObstacles, Scanner
 from sim.robot import Robot, RobotConfig
@@ -128,11 +121,11 @@ def simulate(scenario: Buildable, seed: int, dead_reckoning: DeadReckoning | Non
     was.
     """
     rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode())])
-    building, driving, scanning, reckoning = rng.spawn(4)
+    building, driving, scanning, drifting = rng.spawn(4)
     setup = scenario.build(building)
     if dead_reckoning is not None:
         setup = replace(setup, dead_reckoning=dead_reckoning)
-    return observe(scenario.name, setup, drive(setup, driving), scanning, reckoning)
+    return observe(scenario.name, setup, drive(setup, driving), scanning, drifting)
 
 
 def drive(setup: Setup, rng: np.random.Generator) -> Drive:
@@ -175,7 +168,7 @@ def drive(setup: Setup, rng: np.random.Generator) -> Drive:
 
 
 def observe(
-    name: str, setup: Setup, driven: Drive, scanning: np.random.Generator, reckoning: np.random.Generator
+    name: str, setup: Setup, driven: Drive, scanning: np.random.Generator, drifting: np.random.Generator
 ) -> SimulatedRun:
     """What laser, and INS or encoders, say about a drive."""
     rows = driven.scan_rows
@@ -185,7 +178,7 @@ def observe(
     if driven.movers.size:
         movers = MovingObstacles.on_ground(world.movers, driven.movers, world.terrain)
     ranges = scanner.scan(scanner.caster(world), seen, scanning, movers, world.smoke)
-    reckoned, tilt = _reckon(setup, driven, reckoning)
+    reckoned, tilt = _reckon(setup, driven, drifting)
     recording = Recording(
         name=name,
         time=driven.time[rows],
@@ -204,13 +197,13 @@ def observe(
 def _reckon(setup: Setup, driven: Drive, rng: np.random.Generator) -> tuple[Array, Array | None]:
     """Dead reckoning ``(M, 3)`` and, where an INS is aboard, attitude ``(M, 2)`` at every reading."""
     shocking, drifting, tilting, slipping = rng.spawn(4)
-    time, states, tilt = driven.time, driven.states, driven.states[:, 3:5]
+    time, truth, tilt = driven.time, driven.states[:, :3], driven.states[:, 3:5]
     if setup.dead_reckoning == "odometry":
-        gauge, config = setup.robot.width, setup.odometry
-        return wheel_odometry(states[0, :3], driven.tracks, tilt, time, gauge, config, slipping), None
-    jumps = shocks(time, driven.impulse, setup.shock, shocking)
-    ins = ins_poses(states[:, :3], time, jumps[:, 0], setup.inertial, drifting)
-    return ins, attitude(tilt, jumps[:, 1], setup.inertial, tilting)
+        tracks, gauge, config = driven.tracks, setup.robot.width, setup.odometry
+        return reckoning.wheel_odometry(truth[0], tracks, tilt, time, gauge, config, slipping), None
+    jumps = reckoning.shocks(time, driven.impulse, setup.shock, shocking)
+    ins = reckoning.ins_poses(truth, time, jumps[:, 0], setup.inertial, drifting)
+    return ins, reckoning.attitude(tilt, jumps[:, 1], setup.inertial, tilting)
 
 
 def _wrapped(poses: Array) -> Array:

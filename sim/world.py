@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.floorplan import BELOW_FLOOR, Prism, outlines, round_prism
+from sim.floorplan import BELOW_FLOOR, Prism, round_prism
 from sim.smoke import Smoke
 from sim.terrain import Terrain
 from slam.se2 import Array
@@ -163,4 +163,5 @@ class World:
 
     def outlines(self, z: float) -> Array:
         """Edges ``(S, 4)`` m of what a plane at height ``z`` cuts: the true map of a level laser."""
-        return outlines(self.prisms, z)
+        cut = [prism.edges for prism in self.prisms if prism.z_lo <= z <= prism.z_hi]
+        return np.vstack(cut) if cut else np.empty((0, 4))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.floorplan import outlines, wall_lines, walls_of_map
+from sim.floorplan import wall_lines, walls_of_map
 from sim.laser import Raycaster
 from sim.terrain import Terrain
 from sim.world import World
@@ -49,7 +49,8 @@ def building(seed: int, thickness: int) -> np.ndarray:
 @given(st.integers(0, 10_000), st.integers(1, 3))
 def test_wall_cells_lie_on_the_outlines(seed: int, thickness: int) -> None:
     drawn = grid(building(seed, thickness))
-    away = distances(drawn.occupied_points(), outlines(walls_of_map(drawn), 0.3)) / RESOLUTION
+    world = World(tuple(walls_of_map(drawn)), Terrain.level(ORIGIN, ORIGIN + 6.0))
+    away = distances(drawn.occupied_points(), world.outlines(0.3)) / RESOLUTION
     assert np.median(away) < 1.0
     assert np.percentile(away, 95) < 2.0
 
