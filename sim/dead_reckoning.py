@@ -75,11 +75,11 @@ def ins_poses(
     wander = np.hypot(step[:, 0], step[:, 1])[:, None] * (
         mean[:2] + config.position_noise * wandering.standard_normal((len(turn), 2))
     )
-    moved = step + wander
     if config.model == "consistent":
         middle = 0.5 * (error[1:] + error[:-1])
         c, s = np.cos(middle), np.sin(middle)
-        moved = np.stack([c * step[:, 0] - s * step[:, 1], s * step[:, 0] + c * step[:, 1]], -1) + wander
+        step = np.stack([c * step[:, 0] - s * step[:, 1], s * step[:, 0] + c * step[:, 1]], -1)
+    moved = step + wander
     position = truth[0, :2] + np.vstack([np.zeros(2), np.cumsum(moved, axis=0)])
     return np.column_stack([position, truth[:, 2] + error])
 

@@ -63,9 +63,8 @@ class Raycaster:
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         angles = np.ascontiguousarray(angles, dtype=np.float64)
         if poses.ndim != 2 or poses.shape[1] not in (3, 6) or angles.ndim != 1:
-            raise ValueError(
-                f"expected poses (N, 3) or (N, 6) and angles (B,), got {poses.shape}, {angles.shape}"
-            )
+            shapes = f"{poses.shape}, {angles.shape}"
+            raise ValueError(f"expected poses (N, 3) or (N, 6) and angles (B,), got {shapes}")
         if not (np.all(np.isfinite(poses)) and np.all(np.isfinite(angles))):
             raise ValueError("poses and angles must be finite")
         planar = poses.shape[1] == 3

@@ -92,16 +92,14 @@ class Haze(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def _scatter(poses, angles, ranges, thickness, field, at, depth):
     for n in range(len(poses)):
-        directions = beam_directions(poses[n], np.cos(angles), np.sin(angles))
+        x, y = poses[n, 0], poses[n, 1]
+        dx, dy, _ = beam_directions(poses[n], np.cos(angles), np.sin(angles))
         for b in range(len(angles)):
-            dx, dy = directions[0, b], directions[1, b]
-            at[n, b], depth[n, b] = pierce(
-                poses[n, 0], poses[n, 1], dx, dy, ranges[n, b], thickness[n, b], field
-            )
+            at[n, b], depth[n, b] = _pierce(x, y, dx[b], dy[b], ranges[n, b], thickness[n, b], field)
 
 
 @njit(cache=True, error_model="numpy")
-def pierce(x, y, dx, dy, reach, thickness, field):
+def _pierce(x, y, dx, dy, reach, thickness, field):
     """Distance at which a ray's optical depth comes to ``thickness`` (else inf), and the depth at its end.
 
     The ray is point + r · direction and ends there or at ``reach``. Cell by cell κ is bilinear, hence

@@ -50,10 +50,8 @@ def plates(segments: ArrayLike, heights: ArrayLike | None = None) -> Obstacles:
     z_lo, z_hi = np.full(len(segments), -np.inf), np.full(len(segments), np.inf)
     if heights is not None:
         heights = np.asarray(heights, dtype=np.float64)
-        if heights.shape not in ((len(segments),), (len(segments), 2)):
-            raise ValueError(
-                f"heights: expected ({len(segments)},) or ({len(segments)}, 2), got {heights.shape}"
-            )
+        if heights.shape not in ((count := len(segments),), (count, 2)):
+            raise ValueError(f"heights: expected ({count},) or ({count}, 2), got {heights.shape}")
         z_hi = heights if heights.ndim == 1 else heights[:, 1]
         z_lo = z_lo if heights.ndim == 1 else heights[:, 0]
     first = np.arange(len(segments) + 1)
@@ -89,9 +87,8 @@ class Debris:
 
     def __post_init__(self) -> None:
         if not (self.mass > 0.0 and self.friction >= 0.0):
-            raise ValueError(
-                f"debris: expected mass > 0 and friction >= 0, got {self.mass} and {self.friction}"
-            )
+            given = f"got {self.mass} and {self.friction}"
+            raise ValueError(f"debris: expected mass > 0 and friction >= 0, {given}")
 
     @property
     def centre(self) -> Array:
@@ -129,9 +126,8 @@ class Person:
         if not np.all(np.hypot(*(np.roll(loop, -1, axis=0) - loop).T) > 0.0):
             raise ValueError("person: expected legs of the loop with length > 0")
         if not (self.speed >= 0.0 and self.radius > 0.0):
-            raise ValueError(
-                f"person: expected speed >= 0 and radius > 0, got {self.speed} and {self.radius}"
-            )
+            given = f"got {self.speed} and {self.radius}"
+            raise ValueError(f"person: expected speed >= 0 and radius > 0, {given}")
         object.__setattr__(self, "loop", loop)
 
     @property
