@@ -23,15 +23,23 @@ LONGEST_SIDE = 1024
 REGION_SHAPES = 12
 
 
-class Cells(NamedTuple):
-    """The grid. Cell c = j · columns + i spans ``size`` m from ``(x0, y0) + size · (i, j)``.
+class Frame(NamedTuple):
+    """Where cells lie: cell c = j · columns + i spans ``size`` m from ``(x0, y0) + size · (i, j)``."""
 
-    Its shapes are ``shapes[a:b]`` (edges) and ``shapes[b:c]`` (solids). ``plates (E, 6)``: x1, y1, x2, y2,
-    z_lo, z_hi m of each edge; ``copies``: the same in the order of ``shapes``; ``closed (E,)``: the edge
-    belongs to a solid. ``leaps (cells, 7)`` int32: the box i_lo, i_hi, j_lo, j_hi (ends excluded), a, b, c.
-    ``regions (cells, 5)``: the box and the number of its shapes, -1 where the cell alone has too many,
-    listed in ``region_shapes (cells, REGION_SHAPES)``. The outermost ring of cells is empty and belongs to no
-    box.
+    x0: float
+    y0: float
+    size: float
+    columns: int
+    rows: int
+
+
+class Cells(NamedTuple):
+    """The grid, its `Frame` first. Shapes of cell c are ``shapes[a:b]`` (edges) and ``shapes[b:c]`` (solids).
+
+    ``plates (E, 6)``: x1, y1, x2, y2, z_lo, z_hi m of each edge; ``copies``: the same in the order of
+    ``shapes``. ``leaps (cells, 7)`` int32: the box i_lo, i_hi, j_lo, j_hi (ends excluded), a, b, c.
+    ``regions (cells, 5)``: the box and the number of its shapes, -1 where the cell alone has too many, listed
+    in ``region_shapes (cells, REGION_SHAPES)``. The outermost ring of cells is empty and belongs to no box.
     """
 
     x0: float
@@ -40,7 +48,6 @@ class Cells(NamedTuple):
     columns: int
     rows: int
     plates: Array
-    closed: np.ndarray
     shapes: np.ndarray
     copies: Array
     leaps: np.ndarray
@@ -48,33 +55,29 @@ class Cells(NamedTuple):
     region_shapes: np.ndarray
 
 
-class _Frame(NamedTuple):
-    x0: float
-    y0: float
-    size: float
-    columns: int
-    rows: int
-
-
 def build(obstacles: Obstacles) -> Cells:
     """The grid over some obstacles. Edge e is shape e; solid k is shape (number of edges) + k."""
     edges, counts = obstacles.edges, np.diff(obstacles.first)
     frame = _frame(edges)
-    first, last = _shapes(obstacles)
-    starts, shapes = _sorted_into_cells(first, last, obstacles, frame)
+    single, begin, end = np.arange(len(edges)), obstacles.first[:-1], obstacles.first[1:]
+    first = np.concatenate([single, begin])  # edges of every shape; a plate is no solid, hence empty as one
+    last = np.concatenate([single + 1, np.where(counts > 1, end, begin)])
+    filled = np.zeros(frame.columns * frame.rows, dtype=np.int64)
+    _sort(first, last, edges, obstacles.planes, frame, filled, np.empty(0, dtype=np.int32))
+    starts = np.concatenate([[0], np.cumsum(filled)])  # shapes[starts[c]:starts[c + 1]] touch cell c
+    shapes = np.empty(starts[-1], dtype=np.int32)
+    _sort(first, last, edges, obstacles.planes, frame, starts[:-1].copy(), shapes)
     bands = np.column_stack([obstacles.z_lo, obstacles.z_hi]).repeat(counts, axis=0)
     plates = np.hstack([edges, bands])
     before = np.concatenate([[0], np.cumsum(shapes < len(edges))])
     solids_at = starts[:-1] + np.diff(before[starts])
     limits = np.diff(starts)
     leaps, _ = _grow_all(limits, starts, shapes, frame, 0)
-    regions, region_shapes = _grow_all(
-        np.full_like(limits, REGION_SHAPES), starts, shapes, frame, REGION_SHAPES
-    )
+    few = np.full_like(limits, REGION_SHAPES)
+    regions, region_shapes = _grow_all(few, starts, shapes, frame, REGION_SHAPES)
     return Cells(
         *frame,
         plates=plates,
-        closed=(counts > 1).repeat(counts),
         shapes=shapes,
         copies=plates[np.where(shapes < len(edges), shapes, 0)],
         leaps=np.column_stack([leaps[:, :4], starts[:-1], solids_at, starts[1:]]).astype(np.int32),
@@ -83,16 +86,7 @@ def build(obstacles: Obstacles) -> Cells:
     )
 
 
-def _shapes(obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray]:
-    """First and last (excluded) edge of every shape; a plate is no solid, hence empty as one."""
-    single = np.arange(len(obstacles.edges))
-    begin, end = obstacles.first[:-1], obstacles.first[1:]
-    return np.concatenate([single, begin]), np.concatenate(
-        [single + 1, np.where(end - begin > 1, end, begin)]
-    )
-
-
-def _frame(edges: Array) -> _Frame:
+def _frame(edges: Array) -> Frame:
     """Where the cells lie: over all edges, with a ring to spare."""
     points = edges.reshape(-1, 2) if len(edges) else np.zeros((1, 2))
     lower = points.min(axis=0)
@@ -101,7 +95,7 @@ def _frame(edges: Array) -> _Frame:
     size = max(size, float(extent.max()) / LONGEST_SIDE) or 1.0
     columns, rows = (int(n) for n in extent / size + 1.0)
     x0, y0 = (float(v) for v in lower - 1.01 * size)
-    return _Frame(x0, y0, size, columns + 3, rows + 3)
+    return Frame(x0, y0, size, columns + 3, rows + 3)
 
 
 @njit(cache=True, error_model="numpy")
@@ -129,18 +123,6 @@ def _bounds(first, last, edges, frame):
     i_lo, i_hi = int((x_lo - frame.x0) / frame.size - MARGIN), int((x_hi - frame.x0) / frame.size + MARGIN)
     j_lo, j_hi = int((y_lo - frame.y0) / frame.size - MARGIN), int((y_hi - frame.y0) / frame.size + MARGIN)
     return i_lo, j_lo, i_hi, j_hi
-
-
-def _sorted_into_cells(
-    first: np.ndarray, last: np.ndarray, obstacles: Obstacles, frame: _Frame
-) -> tuple[np.ndarray, np.ndarray]:
-    """Shapes by cell: those of cell c are ``shapes[starts[c]:starts[c + 1]]``, in ascending order."""
-    counts = np.zeros(frame.columns * frame.rows, dtype=np.int64)
-    _sort(first, last, obstacles.edges, obstacles.planes, frame, counts, np.empty(0, dtype=np.int32))
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    shapes = np.empty(starts[-1], dtype=np.int32)
-    _sort(first, last, obstacles.edges, obstacles.planes, frame, starts[:-1].copy(), shapes)
-    return starts, shapes
 
 
 @njit(cache=True, error_model="numpy")

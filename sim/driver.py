@@ -77,11 +77,6 @@ class Driver:
         self._pause_until = 0.0
         self._next_pause = config.pause_every * rng.exponential()
 
-    @property
-    def completed(self) -> float:
-        """Share of the route driven so far."""
-        return self._progress / (len(self._path) - 1)
-
     def command(
         self, time: float, pose: tuple[float, float, float], tilt: tuple[float, float], roughness: float
     ) -> tuple[float, float] | Ending:

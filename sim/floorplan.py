@@ -1,8 +1,8 @@
-"""Walls and furniture: convex footprints with a vertical extent."""
+"""Walls and furniture: convex footprints with a vertical extent. Walls also from an occupancy map."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slam import se2
+from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 
 Kind = Literal["wall", "furniture"]
@@ -149,7 +150,38 @@ def _legs(pose: ArrayLike, length: float, width: float, height: float, side: flo
     return [box(se2.compose(pose, corner), side, side, z_hi=height) for corner in corners]
 
 
-def outlines(prisms: Iterable[Prism], z: float) -> Array:
-    """Edges ``(S, 4)`` of the prisms that a horizontal plane at height ``z`` m cuts."""
-    cut = [prism.edges for prism in prisms if prism.z_lo <= z <= prism.z_hi]
-    return np.vstack(cut) if cut else np.empty((0, 4))
+TOLERANCE = 0.75
+"""Outlines may leave the centres of the cells they follow by this many cells."""
+
+
+def wall_lines(grid: Grid, tolerance: float = TOLERANCE) -> Array:
+    """Segments ``(S, 4)`` m along the centres of the outermost cells of everything occupied.
+
+    Outlines and holes of connected regions (Suzuki and Abe 1985, as OpenCV has it), made straight to within
+    ``tolerance`` cells (Douglas and Peucker 1973). A lone cell gives a segment without length.
+    """
+    import cv2
+
+    image = np.ascontiguousarray(grid.occupied, dtype=np.uint8)
+    contours, _ = cv2.findContours(image, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    lines = [np.empty((0, 4))]
+    for contour in contours:
+        corners = cv2.approxPolyDP(contour, tolerance, True)[:, 0, :].astype(np.float64)
+        lines.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+    segments = np.vstack(lines)
+    swap = (segments[:, 0] > segments[:, 2]) | (
+        (segments[:, 0] == segments[:, 2]) & (segments[:, 1] > segments[:, 3])
+    )
+    segments[swap] = segments[swap][:, [2, 3, 0, 1]]
+    segments = np.unique(segments, axis=0)  # the outline of a wall one cell thick goes there and back again
+    return np.tile(grid.origin, 2) + (segments + 0.5) * grid.resolution
+
+
+def walls_of_map(grid: Grid, height: float = WALL_HEIGHT) -> list[Prism]:
+    """Everything occupied as walls one cell thick and ``height`` m high, hollow where it is thicker."""
+    prisms = []
+    for x1, y1, x2, y2 in wall_lines(grid).tolist():
+        length, yaw = float(np.hypot(x2 - x1, y2 - y1)), float(np.arctan2(y2 - y1, x2 - x1))
+        centre = [0.5 * (x1 + x2), 0.5 * (y1 + y2), yaw]
+        prisms.append(box(centre, length + grid.resolution, grid.resolution, z_hi=height, kind="wall"))
+    return prisms

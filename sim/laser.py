@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
 from sim import cells, corruption, traversal
 from sim.corruption import Effects
-from sim.moving_obstacle_raycast import MovingObstacles
 from sim.smoke import Haze, Smoke
 from sim.terrain import Terrain
-from sim.terrain_kernels import build_ground
+from sim.terrain_kernels import beam_directions, build_ground, heights_at
 from sim.world import Obstacles, World, plates
 from slam.recording import Laser
 from slam.se2 import Array
@@ -26,9 +26,17 @@ class Raycaster:
     under them, meets their front, lands on their top, or meets their underside.
     """
 
-    def __init__(self, world: World, floor: bool = True) -> None:
-        """Ray caster over all that stands still; without ``floor`` there is no ceiling either."""
-        self._prepare(world.obstacles, world.terrain if floor else None, world.ceiling)
+    def __init__(self, world: World | Obstacles, floor: bool = True, heights: bool = True) -> None:
+        """Ray caster over all that stands still; without ``floor`` there is no ceiling either, without
+        ``heights`` all is endlessly high."""
+        obstacles = world if isinstance(world, Obstacles) else world.obstacles
+        obstacles = obstacles if heights else obstacles.without_heights()
+        ground, ceiling = Terrain.level([0.0, 0.0], [1.0, 1.0], 1.0), np.inf
+        if has_ground := floor and isinstance(world, World):
+            ground, ceiling = world.terrain, float(world.ceiling)
+        self._scene = traversal.Scene(
+            obstacles, cells.build(obstacles), build_ground(ground.field), has_ground, ceiling
+        )
 
     @classmethod
     def from_segments(cls, segments: ArrayLike, heights: ArrayLike | None = None) -> Raycaster:
@@ -37,15 +45,7 @@ class Raycaster:
         ``heights (S,)`` or ``(S, 2)`` m are their tops, or bottoms and tops; None: endless.
         Raises ``ValueError`` for other shapes or a segment without length.
         """
-        caster = cls.__new__(cls)
-        caster._prepare(plates(segments, heights))
-        return caster
-
-    def _prepare(self, obstacles: Obstacles, terrain: Terrain | None = None, ceiling: float = np.inf) -> None:
-        field = (terrain or Terrain.level([0.0, 0.0], [1.0, 1.0], 1.0)).field
-        self._scene = traversal.Scene(
-            obstacles, cells.build(obstacles), build_ground(field), terrain is not None, float(ceiling)
-        )
+        return cls(plates(segments, heights))
 
     def cast(self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf) -> Array:
         """Slant ranges ``(N, B)`` m of the beams at ``angles (B,)`` rad, NaN where nothing is met.
@@ -54,24 +54,17 @@ class Raycaster:
         left side up and pitch nose down positive, R = Rz(yaw) Ry(pitch) Rx(roll). Nothing is met beyond
         ``range_max``. Raises ``ValueError`` for other shapes or poses that are not finite.
         """
-        ranges, _ = self._cast(poses, angles, range_max, incidence=False)
-        return ranges
+        return self.cast_with_incidence(poses, angles, range_max, incidence=False)[0]
 
     def cast_with_incidence(
-        self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf
+        self, poses: ArrayLike, angles: ArrayLike, range_max: float = np.inf, incidence: bool = True
     ) -> tuple[Array, Array]:
         """Ranges as `cast`, and the cosine of the angle between beam and surface normal, both ``(N, B)``."""
-        return self._cast(poses, angles, range_max, incidence=True)
-
-    def _cast(
-        self, poses: ArrayLike, angles: ArrayLike, range_max: float, incidence: bool
-    ) -> tuple[Array, Array]:
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         angles = np.ascontiguousarray(angles, dtype=np.float64)
         if poses.ndim != 2 or poses.shape[1] not in (3, 6) or angles.ndim != 1:
-            raise ValueError(
-                f"expected poses (N, 3) or (N, 6) and angles (B,), got {poses.shape}, {angles.shape}"
-            )
+            shapes = f"{poses.shape}, {angles.shape}"
+            raise ValueError(f"expected poses (N, 3) or (N, 6) and angles (B,), got {shapes}")
         if not (np.all(np.isfinite(poses)) and np.all(np.isfinite(angles))):
             raise ValueError("poses and angles must be finite")
         planar = poses.shape[1] == 3
@@ -80,8 +73,88 @@ class Raycaster:
         ranges = np.empty((len(poses), len(angles)))
         cosines = np.empty_like(ranges) if incidence else np.empty((0, 0))
         c, s = np.cos(angles), np.sin(angles)
-        traversal.cast_beams(poses, angles, c, s, float(range_max), planar, self._scene, ranges, cosines)
+        traversal.cast_beams(poses, c, s, float(range_max), planar, self._scene, ranges, cosines)
         return ranges, cosines
+
+
+@dataclass(frozen=True)
+class MovingObstacles:
+    """Solids in their body frames and, at N scans, their ``poses (N, K, 4)``: x, y, yaw and ground height."""
+
+    solids: Obstacles
+    poses: Array
+
+    @classmethod
+    def on_ground(cls, solids: Obstacles, poses: ArrayLike, terrain: Terrain) -> MovingObstacles:
+        """Solids at poses ``(N, K, 3)``, each as high as the ground under it."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        z = heights_at(np.ascontiguousarray(poses[..., :2]).reshape(-1, 2), terrain.field)
+        return cls(solids, np.dstack([poses, z.reshape(poses.shape[:2])]))
+
+    def without_heights(self) -> MovingObstacles:
+        """The same, endlessly high."""
+        return replace(self, solids=self.solids.without_heights())
+
+    def cast(
+        self, poses: Array, angles: Array, reach: float, ranges: Array, cosines: Array
+    ) -> tuple[Array, Array]:
+        """Ranges and incidence cosines ``(N, B)`` of what is nearer: the still world as given, or a mover.
+
+        ``poses (N, 6)`` are the sensor's, ``angles (B,)`` rad the beams'; NaN is a beam that meets nothing.
+        """
+        ranges, cosines = ranges.copy(), cosines.copy()
+        corners = np.hypot(self.solids.edges[:, 0], self.solids.edges[:, 1])
+        radius = np.maximum.reduceat(corners, self.solids.first[:-1])
+        _cast_movers(poses, angles, reach, self.solids, self.poses, radius, ranges, cosines)
+        return ranges, cosines
+
+
+@njit(cache=True, error_model="numpy")
+def _cast_movers(poses, angles, reach, solids, movers, radius, ranges, cosines):
+    for n in range(len(poses)):
+        directions = beam_directions(poses[n], np.cos(angles), np.sin(angles))
+        for k in range(movers.shape[1]):
+            ox, oy = poses[n, 0] - movers[n, k, 0], poses[n, 1] - movers[n, k, 1]
+            if ox * ox + oy * oy > (reach + radius[k]) ** 2:
+                continue
+            c, s = np.cos(movers[n, k, 2]), np.sin(movers[n, k, 2])
+            x, y, z = c * ox + s * oy, c * oy - s * ox, poses[n, 5] - movers[n, k, 3]
+            for b in range(len(angles)):
+                dx, dy, dz = directions[0, b], directions[1, b], directions[2, b]
+                if abs(ox * dy - oy * dx) > radius[k] * np.hypot(dx, dy):
+                    continue
+                r, cosine = solid_hit(x, y, z, c * dx + s * dy, c * dy - s * dx, dz, k, solids)
+                if r <= reach and not r >= ranges[n, b]:
+                    ranges[n, b], cosines[n, b] = r, cosine
+
+
+@njit(cache=True, error_model="numpy")
+def solid_hit(x, y, z, dx, dy, dz, k, solids):
+    """Slant range at which a ray meets solid k (else inf), and the cosine of its incidence.
+
+    The chord through the convex footprint is where all its half-planes agree; then front, top or underside.
+    """
+    enter, leave, facing = 0.0, np.inf, 1.0
+    for e in range(solids.first[k], solids.first[k + 1]):
+        nx, ny, offset = solids.planes[e]
+        gap, speed = offset - nx * x - ny * y, nx * dx + ny * dy
+        if speed < 0.0 and gap / speed > enter:
+            enter, facing = gap / speed, -speed
+        elif speed > 0.0:
+            leave = min(leave, gap / speed)
+        elif speed == 0.0 and gap < 0.0:
+            return np.inf, 1.0
+    if enter > leave:
+        return np.inf, 1.0
+    z_lo, z_hi = solids.z_lo[k], solids.z_hi[k]
+    z_in, z_out = z + dz * enter, z + dz * leave
+    if z_lo <= z_in <= z_hi:
+        return enter, facing
+    if z_in > z_hi and z_out < z_hi:
+        return (z_hi - z) / dz, abs(dz)
+    if z_in < z_lo and z_out > z_lo:
+        return (z_lo - z) / dz, abs(dz)
+    return np.inf, 1.0
 
 
 @dataclass(frozen=True)
@@ -132,7 +205,7 @@ class Scanner:
 
     def caster(self, world: World) -> Raycaster:
         """The still world as this laser's effects let it be seen."""
-        return Raycaster(world if self.effects.heights else world.without_heights(), self.effects.floor)
+        return Raycaster(world, self.effects.floor, self.effects.heights)
 
     def scan(
         self,

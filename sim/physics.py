@@ -1,12 +1,15 @@
-"""What the robot can run into, as physics seen from above: solids, debris and people."""
+"""What the robot can run into, as physics seen from above: solids, debris, and people on their way."""
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
+
+import numpy as np
 import pymunk
 
 from sim.floorplan import Prism
-from sim.movers import Debris, Walker
-from sim.world import World
+from sim.world import Debris, Person, World
 
 GRAVITY = 9.81
 SURFACE_FRICTION = 0.3
@@ -77,3 +80,52 @@ class PhysicsWorld:
         self.space.add(body)
         self._add_shape(walker.person.shape, body)
         return body
+
+
+class Walker:
+    """A person on the way: how far round the loop, and in which sense."""
+
+    def __init__(self, person: Person) -> None:
+        self.person = person
+        closed = np.vstack([person.loop, person.loop[:1]])
+        legs = np.diff(closed, axis=0)
+        length = np.hypot(legs[:, 0], legs[:, 1])
+        self._corners: list[tuple[float, float]] = [(x, y) for x, y in closed.tolist()]
+        self._legs: list[tuple[float, float]] = [(x, y) for x, y in (legs / length[:, None]).tolist()]
+        self._begins: list[float] = np.concatenate([[0.0], np.cumsum(length)[:-1]]).tolist()
+        self._length = float(length.sum())
+        self._along = (person.start % 1.0) * self._length
+        self._sense = 1.0
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where the person is now, x and y m."""
+        return self._at(self._along)
+
+    @property
+    def heading(self) -> float:
+        """Direction of walking [rad]."""
+        ex, ey = self._legs[self._leg(self._along)]
+        return math.atan2(self._sense * ey, self._sense * ex)
+
+    def step(self, robot: tuple[float, float], dt: float) -> None:
+        """Walk on for ``dt`` s; close to the ``robot`` (x, y) only away from it, else stand."""
+        stride = self.person.speed * dt
+        gap = _distance(self.place, robot)
+        for sense in (self._sense, -self._sense):
+            along = (self._along + sense * stride) % self._length
+            if gap > self.person.keep_off or _distance(self._at(along), robot) >= gap:
+                self._along, self._sense = along, sense
+                return
+
+    def _leg(self, along: float) -> int:
+        return bisect_right(self._begins, along) - 1
+
+    def _at(self, along: float) -> tuple[float, float]:
+        k = self._leg(along)
+        (x, y), (ex, ey), on = self._corners[k], self._legs[k], along - self._begins[k]
+        return x + on * ex, y + on * ey
+
+
+def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:
+    return math.hypot(a[0] - b[0], a[1] - b[1])

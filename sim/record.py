@@ -8,12 +8,10 @@ from typing import Literal, Protocol, get_args
 
 import numpy as np
 
-from sim import inertial, odometry
+from sim import dead_reckoning as reckoning
+from sim.dead_reckoning import InertialConfig, OdometryConfig, ShockConfig
 from sim.driver import Driver, DriverConfig, Ending
-from sim.inertial import InertialConfig, ShockConfig
-from sim.laser import Scanner
-from sim.moving_obstacle_raycast import MovingObstacles
-from sim.odometry import OdometryConfig
+from sim.laser import MovingObstacles, Scanner
 from sim.robot import Robot, RobotConfig
 from sim.world import World
 from slam import se2
@@ -123,11 +121,11 @@ def simulate(scenario: Buildable, seed: int, dead_reckoning: DeadReckoning | Non
     was.
     """
     rng = np.random.default_rng([seed, zlib.crc32(scenario.name.encode())])
-    building, driving, scanning, reckoning = rng.spawn(4)
+    building, driving, scanning, drifting = rng.spawn(4)
     setup = scenario.build(building)
     if dead_reckoning is not None:
         setup = replace(setup, dead_reckoning=dead_reckoning)
-    return observe(scenario.name, setup, drive(setup, driving), scanning, reckoning)
+    return observe(scenario.name, setup, drive(setup, driving), scanning, drifting)
 
 
 def drive(setup: Setup, rng: np.random.Generator) -> Drive:
@@ -135,70 +133,42 @@ def drive(setup: Setup, rng: np.random.Generator) -> Drive:
     deciding, shaking, timing = rng.spawn(3)
     robot = Robot(setup.world, setup.start, setup.robot)
     driver = Driver(setup.waypoints, setup.driver, deciding)
-    log = _Log(robot)
     next_scan, speeds, step = setup.scan_interval, (0.0, 0.0), 0
+    impulse, left, right = 0.0, 0.0, 0.0
+    readings, movers, scan_rows = [(0, *robot.state, impulse, left, right)], [robot.movers], [0]
     while True:
         if step % CONTROL_EVERY == 0:
             x, y, yaw, roll, pitch, _ = robot.state
             wanted = driver.command(step * PHYSICS_STEP, (x, y, yaw), (roll, pitch), robot.roughness)
             if isinstance(wanted, str):
-                return log.drive(wanted)
+                break
             speeds = setup.robot.track_speeds(*wanted)
         robot.step(*speeds, PHYSICS_STEP, shaking)
         step += 1
-        log.feel(speeds, robot.impulse)
+        left, right = left + speeds[0] * PHYSICS_STEP, right + speeds[1] * PHYSICS_STEP
+        impulse = max(impulse, robot.impulse)
         scanning = step * PHYSICS_STEP >= next_scan
         if scanning:
             next_scan += setup.scan_interval + setup.scan_jitter * timing.standard_normal()
+            scan_rows.append(len(readings))
+            movers.append(robot.movers)
         if scanning or step % READING_EVERY == 0:
-            log.read(step, robot, scanning)
-
-
-class _Log:
-    """Readings gathered on a drive; the first, at rest, is also that of a scan."""
-
-    def __init__(self, robot: Robot) -> None:
-        self._steps: list[int] = []
-        self._states: list[tuple[float, ...]] = []
-        self._impulses: list[float] = []
-        self._tracks: list[tuple[float, float]] = []
-        self._movers: list[list[tuple[float, float, float]]] = []
-        self._scan_rows: list[int] = []
-        self._impulse, self._left, self._right = 0.0, 0.0, 0.0
-        self.read(0, robot, scanning=True)
-
-    def feel(self, speeds: tuple[float, float], impulse: float) -> None:
-        """One physics step: what the tracks turned, and the hardest blow."""
-        self._left += speeds[0] * PHYSICS_STEP
-        self._right += speeds[1] * PHYSICS_STEP
-        self._impulse = max(self._impulse, impulse)
-
-    def read(self, step: int, robot: Robot, scanning: bool) -> None:
-        """One reading, with or without a scan."""
-        if scanning:
-            self._scan_rows.append(len(self._steps))
-            self._movers.append(robot.movers)
-        self._steps.append(step)
-        self._states.append(robot.state)
-        self._impulses.append(self._impulse)
-        self._tracks.append((self._left, self._right))
-        self._impulse = 0.0
-
-    def drive(self, ending: Ending) -> Drive:
-        """The whole drive."""
-        return Drive(
-            time=PHYSICS_STEP * np.array(self._steps),
-            states=np.array(self._states),
-            impulse=np.array(self._impulses),
-            tracks=np.array(self._tracks),
-            movers=np.array(self._movers).reshape(len(self._scan_rows), -1, 3),
-            scan_rows=np.array(self._scan_rows),
-            ending=ending,
-        )
+            readings.append((step, *robot.state, impulse, left, right))
+            impulse = 0.0
+    steps, states, impulses, tracks = np.split(np.array(readings), [1, 7, 8], axis=1)
+    return Drive(
+        time=PHYSICS_STEP * steps[:, 0],
+        states=np.ascontiguousarray(states),
+        impulse=impulses[:, 0].copy(),
+        tracks=np.ascontiguousarray(tracks),
+        movers=np.array(movers).reshape(len(scan_rows), -1, 3),
+        scan_rows=np.array(scan_rows),
+        ending=wanted,
+    )
 
 
 def observe(
-    name: str, setup: Setup, driven: Drive, scanning: np.random.Generator, reckoning: np.random.Generator
+    name: str, setup: Setup, driven: Drive, scanning: np.random.Generator, drifting: np.random.Generator
 ) -> SimulatedRun:
     """What laser, and INS or encoders, say about a drive."""
     rows = driven.scan_rows
@@ -208,7 +178,7 @@ def observe(
     if driven.movers.size:
         movers = MovingObstacles.on_ground(world.movers, driven.movers, world.terrain)
     ranges = scanner.scan(scanner.caster(world), seen, scanning, movers, world.smoke)
-    reckoned, attitude = _reckon(setup, driven, reckoning)
+    reckoned, tilt = _reckon(setup, driven, drifting)
     recording = Recording(
         name=name,
         time=driven.time[rows],
@@ -217,7 +187,7 @@ def observe(
         laser=scanner.laser,
         dead_reckoning=_wrapped(reckoned[rows]),
         source=setup.source,
-        attitude=None if attitude is None else se2.wrap(attitude[rows]),
+        attitude=None if tilt is None else se2.wrap(tilt[rows]),
         truth=_wrapped(seen[:, :3]),
     )
     walls = world.outlines(scanner.height)
@@ -227,16 +197,13 @@ def observe(
 def _reckon(setup: Setup, driven: Drive, rng: np.random.Generator) -> tuple[Array, Array | None]:
     """Dead reckoning ``(M, 3)`` and, where an INS is aboard, attitude ``(M, 2)`` at every reading."""
     shocking, drifting, tilting, slipping = rng.spawn(4)
-    tilt = driven.states[:, 3:5]
+    time, truth, tilt = driven.time, driven.states[:, :3], driven.states[:, 3:5]
     if setup.dead_reckoning == "odometry":
-        start, gauge = driven.states[0, :3], setup.robot.width
-        reckoned = odometry.dead_reckon(
-            start, driven.tracks, tilt, driven.time, gauge, setup.odometry, slipping
-        )
-        return reckoned, None
-    jumps = inertial.shocks(driven.time, driven.impulse, setup.shock, shocking)
-    ins = inertial.dead_reckon(driven.states[:, :3], driven.time, jumps[:, 0], setup.inertial, drifting)
-    return ins, inertial.attitude(tilt, jumps[:, 1], setup.inertial, tilting)
+        tracks, gauge, config = driven.tracks, setup.robot.width, setup.odometry
+        return reckoning.wheel_odometry(truth[0], tracks, tilt, time, gauge, config, slipping), None
+    jumps = reckoning.shocks(time, driven.impulse, setup.shock, shocking)
+    ins = reckoning.ins_poses(truth, time, jumps[:, 0], setup.inertial, drifting)
+    return ins, reckoning.attitude(tilt, jumps[:, 1], setup.inertial, tilting)
 
 
 def _wrapped(poses: Array) -> Array:

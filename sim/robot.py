@@ -11,6 +11,9 @@ from sim.physics import GRAVITY, SURFACE_FRICTION, PhysicsWorld
 from sim.terrain_kernels import HeightField, footprint_plane, height_at
 from sim.world import World
 
+FULL_SHAKE = 0.3
+"""Speed [m/s] from which rubble shakes the robot in full; at rest it does not."""
+
 
 @dataclass(frozen=True)
 class RobotConfig:
@@ -116,7 +119,8 @@ class Robot:
         self.impulse = 0.0
         self._physics.step(self._body.position, dt)
         self._fall(height, dt)
-        shake_roll, shake_pitch = rng.standard_normal(2) * self.roughness * self._moving()
+        moving = min(1.0, self._body.velocity.length / FULL_SHAKE)
+        shake_roll, shake_pitch = rng.standard_normal(2) * self.roughness * moving
         self._roll.step(float(np.arctan(sideways)), shake_roll, dt)
         self._pitch.step(-float(np.arctan(forward)), shake_pitch, dt)
 
@@ -133,10 +137,6 @@ class Robot:
             self.impulse = max(self.impulse, self.config.mass * self._falling)
         self.height, self._falling = ground, 0.0
 
-    def _moving(self, full_speed: float = 0.3) -> float:
-        """Share of the rubble's excitation at the present speed: none at rest."""
-        return min(1.0, self._body.velocity.length / full_speed)
-
     def _push(self, left: float, right: float, forward: float, sideways: float) -> None:
         """Forces of tracks, sideways friction, scrubbing and slope on the body, for one step."""
         c, body = self.config, self._body
@@ -144,14 +144,11 @@ class Robot:
         velocity = body.velocity.rotated(-body.angle)
         weight = c.mass * GRAVITY
         half = 0.5 * c.width
-        slips = (
-            left - velocity.x + half * body.angular_velocity,
-            right - velocity.x - half * body.angular_velocity,
-        )
-        limit = 0.5 * c.friction * weight
+        spin = half * body.angular_velocity
+        slips, limit = (left - velocity.x + spin, right - velocity.x - spin), 0.5 * c.friction * weight
         pull_left, pull_right = (min(max(stiffness * slip, -limit), limit) for slip in slips)
-        side_limit = c.lateral_friction * weight
-        side = min(max(-velocity.y * c.mass / c.grip, -side_limit), side_limit)
+        limit = c.lateral_friction * weight
+        side = min(max(-velocity.y * c.mass / c.grip, -limit), limit)
         scrub = 2.0 * (c.skid_ratio - 1.0) * stiffness * half**2
         force = (pull_left + pull_right - weight * forward, side - weight * sideways)
         body.apply_force_at_local_point(force)

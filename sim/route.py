@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import label, uniform_filter1d
@@ -31,14 +31,11 @@ class NoRouteError(ValueError):
     """Nobody can drive here; the message says why, in one line."""
 
 
-@dataclass(frozen=True)
-class _Roads:
-    """Places ``(V, 2)`` m where the robot fits, their ``clearance (V,)`` m, and the ``graph`` of the steps
-    between neighbours, weighed by length and narrowness.
-    """
+class _Roads(NamedTuple):
+    """Places ``(V, 2)`` m where the robot fits, and the ``graph`` of the steps between neighbours, weighed by
+    length and narrowness."""
 
     places: Array
-    clearance: Array
     graph: csr_array
 
 
@@ -74,8 +71,15 @@ def plan(
     again = tour if rng.random() < 0.5 else tour[::-1]
     nodes = [home]
     for a, b in pairwise([*tour, *again[1:]]):
-        nodes += _path(before[a], stops[b])[1:]
-    return _smoothed(roads, np.array(nodes), grid, room, radius)
+        way = [stops[b]]
+        while before[a][way[-1]] != stops[a]:
+            way.append(int(before[a][way[-1]]))
+        nodes += way[::-1]
+    exact = roads.places[nodes]  # without the zigzag of the grid, wherever that leaves enough clearance
+    smooth = uniform_filter1d(exact, 5, axis=0, mode="nearest")
+    column, row = np.floor((smooth - grid.origin) / grid.resolution).astype(int).T
+    enough = room[row, column] >= radius + MARGIN
+    return np.where(enough[:, None], smooth, exact)
 
 
 def _check_start(grid: Grid, room: Array, start: tuple[float, float], radius: float) -> None:
@@ -84,9 +88,8 @@ def _check_start(grid: Grid, room: Array, start: tuple[float, float], radius: fl
     where = f"start ({x:g}, {y:g})"
     if not (0 <= row < grid.free.shape[0] and 0 <= column < grid.free.shape[1]):
         x0, x1, y0, y1 = grid.extent
-        raise NoRouteError(
-            f"{where} is outside of the map, expected x in {x0:g}..{x1:g} and y in {y0:g}..{y1:g}"
-        )
+        inside = f"x in {x0:g}..{x1:g} and y in {y0:g}..{y1:g}"
+        raise NoRouteError(f"{where} is outside of the map, expected {inside}")
     if grid.occupied[row, column]:
         raise NoRouteError(f"{where} is inside a wall, expected free space")
     if not grid.free[row, column]:
@@ -107,9 +110,8 @@ def _roads(grid: Grid, room: Array, radius: float, start: tuple[float, float] | 
     fits = sampled >= radius + min(MARGIN, 0.75 * stride * grid.resolution)
     if not np.any(fits):
         widest = f"the widest free place is {2.0 * room.max():.2f} m across"
-        raise NoRouteError(
-            f"no place where the robot fits: {widest}, expected {2.0 * (radius + MARGIN):.2f} m"
-        )
+        need = f"expected {2.0 * (radius + MARGIN):.2f} m"
+        raise NoRouteError(f"no place where the robot fits: {widest}, {need}")
     regions, _ = label(fits, structure=np.ones((3, 3)))
     rows, columns = np.nonzero(fits)
     cells = stride * np.stack([columns, rows], -1) + stride // 2
@@ -121,7 +123,7 @@ def _roads(grid: Grid, room: Array, radius: float, start: tuple[float, float] | 
     index = np.full(fits.shape, -1)
     index[rows, columns] = np.arange(len(rows))
     free = sampled[rows, columns]
-    return _Roads(places, free, _graph(index, free, stride * grid.resolution))
+    return _Roads(places, _graph(index, free, stride * grid.resolution))
 
 
 def _graph(index: np.ndarray, free: Array, spacing: float) -> csr_array:
@@ -180,20 +182,3 @@ def _tour(stops: list[int], lengths: Array) -> list[int]:
         if 2.0 * sum(lengths[a, b] for a, b in pairwise(tour)) <= LONGEST:
             break
     return tour
-
-
-def _path(before: np.ndarray, goal: int) -> list[int]:
-    """Nodes from where ``before`` was computed to ``goal``."""
-    nodes = [goal]
-    while before[nodes[-1]] >= 0:
-        nodes.append(int(before[nodes[-1]]))
-    return nodes[::-1]
-
-
-def _smoothed(roads: _Roads, nodes: np.ndarray, grid: Grid, room: Array, radius: float) -> Array:
-    """The nodes' places without the zigzag of the grid, wherever that leaves enough clearance."""
-    exact = roads.places[nodes]
-    smooth = uniform_filter1d(exact, 5, axis=0, mode="nearest")
-    column, row = np.floor((smooth - grid.origin) / grid.resolution).astype(int).T
-    enough = room[row, column] >= radius + MARGIN
-    return np.where(enough[:, None], smooth, exact)

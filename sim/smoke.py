@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from sim.terrain_kernels import HeightField, beam_directions, clip_to
+from sim.terrain_kernels import HeightField, beam_directions, clip_to, next_cell
 from slam.se2 import Array
 
 
@@ -92,16 +92,14 @@ class Haze(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def _scatter(poses, angles, ranges, thickness, field, at, depth):
     for n in range(len(poses)):
-        directions = beam_directions(poses[n], angles)
+        x, y = poses[n, 0], poses[n, 1]
+        dx, dy, _ = beam_directions(poses[n], np.cos(angles), np.sin(angles))
         for b in range(len(angles)):
-            dx, dy = directions[b, 0], directions[b, 1]
-            at[n, b], depth[n, b] = pierce(
-                poses[n, 0], poses[n, 1], dx, dy, ranges[n, b], thickness[n, b], field
-            )
+            at[n, b], depth[n, b] = _pierce(x, y, dx[b], dy[b], ranges[n, b], thickness[n, b], field)
 
 
 @njit(cache=True, error_model="numpy")
-def pierce(x, y, dx, dy, reach, thickness, field):
+def _pierce(x, y, dx, dy, reach, thickness, field):
     """Distance at which a ray's optical depth comes to ``thickness`` (else inf), and the depth at its end.
 
     The ray is point + r · direction and ends there or at ``reach``. Cell by cell κ is bilinear, hence
@@ -117,19 +115,14 @@ def pierce(x, y, dx, dy, reach, thickness, field):
     j = min(max(int((y + dy * enter - field.y0) / res), 0), rows - 2)
     depth, r = 0.0, enter
     while r < leave and 0 <= i < columns - 1 and 0 <= j < rows - 1:
-        next_x = (field.x0 + (i + (dx > 0.0)) * res - x) / dx if dx != 0.0 else np.inf
-        next_y = (field.y0 + (j + (dy > 0.0)) * res - y) / dy if dy != 0.0 else np.inf
-        end = max(r, min(next_x, next_y, leave))
+        border, next_i, next_j = next_cell(x, y, dx, dy, i, j, field.x0, field.y0, res)
+        end = max(r, min(border, leave))
         a, b, c = _along(x + dx * r, y + dy * r, dx, dy, i, j, field)
         more = _depth(a, b, c, end - r)
         if depth + more >= thickness:
             return r + _crossing(a, b, c, end - r, thickness - depth), thickness
         depth += more
-        if next_x <= next_y:
-            i += 1 if dx > 0.0 else -1
-        else:
-            j += 1 if dy > 0.0 else -1
-        r = end
+        r, i, j = end, next_i, next_j
     return np.inf, depth
 
 

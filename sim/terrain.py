@@ -26,11 +26,8 @@ class Terrain:
     resolution: float
 
     def __post_init__(self) -> None:
-        if (
-            self.heights.ndim != 2
-            or min(self.heights.shape) < 2
-            or self.heights.shape != self.roughness.shape
-        ):
+        shape = self.heights.shape
+        if len(shape) != 2 or min(shape) < 2 or shape != self.roughness.shape:
             raise ValueError("terrain: heights and roughness need the same shape, at least (2, 2)")
         if not (np.all(np.isfinite(self.heights)) and np.all(self.roughness >= 0.0)):
             raise ValueError("terrain: expected finite heights and roughness >= 0")
@@ -60,14 +57,12 @@ class Terrain:
 
     def with_ramp(self, a: ArrayLike, b: ArrayLike, width: float, rise: float) -> Terrain:
         """A ramp from the ground at ``a (2,)`` up to ``rise`` m at ``b (2,)``, where it drops: a ledge."""
-        along, across, length = self._strip(a, b)
-        inside = (np.abs(across) <= 0.5 * width) & (along >= 0.0) & (along <= length)
+        along, _, length, inside = self._strip(a, b, width)
         return self._raised(np.where(inside, rise * along / length, 0.0))
 
     def with_steps(self, a: ArrayLike, b: ArrayLike, width: float, rise: float, count: int) -> Terrain:
         """A flight of ``count`` equal steps from the ground at ``a (2,)`` up to ``rise`` m at ``b (2,)``."""
-        along, across, length = self._strip(a, b)
-        inside = (np.abs(across) <= 0.5 * width) & (along >= 0.0) & (along <= length)
+        along, _, length, inside = self._strip(a, b, width)
         step = np.clip(np.floor(along / length * count + 1e-9) + 1.0, 1.0, count)
         return self._raised(np.where(inside, rise * step / count, 0.0))
 
@@ -77,28 +72,20 @@ class Terrain:
 
     def with_sill(self, a: ArrayLike, b: ArrayLike, height: float, depth: float) -> Terrain:
         """A door sill: a rounded bar from ``a (2,)`` to ``b (2,)``, ``depth`` m across, ``height`` m high."""
-        along, across, length = self._strip(a, b)
-        inside = (np.abs(across) <= 0.5 * depth) & (along >= 0.0) & (along <= length)
+        _, across, _, inside = self._strip(a, b, depth)
         return self._raised(np.where(inside, height * np.cos(np.pi * across / depth), 0.0))
 
     def with_rubble(
-        self,
-        centre: ArrayLike,
-        radius: float,
-        height: float,
-        roughness: float,
-        rng: np.random.Generator,
-        grain: float = 0.25,
+        self, centre: ArrayLike, radius: float, height: float, roughness: float, rng: np.random.Generator
     ) -> Terrain:
-        """A round heap of debris: random bumps of typical ``height`` m and size ``grain`` m, fading at its
-        edge.
+        """A round heap of debris: random bumps of typical ``height`` m, fading at its edge.
 
         ``roughness`` [rad] is the tilt its loose parts add to a robot driving over it.
         """
         x, y = self.nodes()
         cx, cy = np.asarray(centre, dtype=np.float64)
         fade = np.clip(1.5 * (1.0 - np.hypot(x - cx, y - cy) / radius), 0.0, 1.0)
-        return self._strewn(fade, height, roughness, rng, grain)
+        return self._strewn(fade, height, roughness, rng)
 
     def with_rubble_field(
         self,
@@ -109,7 +96,7 @@ class Terrain:
         rng: np.random.Generator,
         grain: float = 0.25,
     ) -> Terrain:
-        """Rubble as `with_rubble`, over the rectangle from ``lower (2,)`` to ``upper (2,)`` m.
+        """Rubble of bumps ``grain`` m in size, over the rectangle from ``lower (2,)`` to ``upper (2,)`` m.
 
         It fades over the outer 0.3 m. A ``grain`` of metres without roughness makes hills.
         """
@@ -117,12 +104,11 @@ class Terrain:
         return self._strewn(fade, height, roughness, rng, grain)
 
     def _strewn(
-        self, fade: Array, height: float, roughness: float, rng: np.random.Generator, grain: float
+        self, fade: Array, height: float, roughness: float, rng: np.random.Generator, grain: float = 0.25
     ) -> Terrain:
         """Rubble where ``fade (rows, columns)``, from 0 to 1, lets it be."""
-        noise = gaussian_filter(
-            rng.standard_normal(self.heights.shape), grain / self.resolution, mode="reflect"
-        )
+        noise = rng.standard_normal(self.heights.shape)
+        noise = gaussian_filter(noise, grain / self.resolution, mode="reflect")
         bumps = np.abs(noise) * (height / np.abs(noise).mean())
         rough = np.maximum(self.roughness, fade * roughness)
         return replace(self, heights=np.maximum(self.heights, fade * bumps), roughness=rough)
@@ -137,10 +123,13 @@ class Terrain:
     def _raised(self, heights: Array) -> Terrain:
         return replace(self, heights=np.maximum(self.heights, heights))
 
-    def _strip(self, a: ArrayLike, b: ArrayLike) -> tuple[Array, Array, float]:
-        """Coordinates of every node along and across the line from a to b, and its length."""
+    def _strip(self, a: ArrayLike, b: ArrayLike, width: float) -> tuple[Array, Array, float, np.ndarray]:
+        """Coordinates of every node along and across the line from a to b, its length, and which nodes lie on
+        a strip of this ``width`` m along it."""
         a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
         length = float(np.hypot(*(b - a)))
         ux, uy = (b - a) / length
         x, y = self.nodes()
-        return (x - a[0]) * ux + (y - a[1]) * uy, (y - a[1]) * ux - (x - a[0]) * uy, length
+        along, across = (x - a[0]) * ux + (y - a[1]) * uy, (y - a[1]) * ux - (x - a[0]) * uy
+        inside = (np.abs(across) <= 0.5 * width) & (along >= 0.0) & (along <= length)
+        return along, across, length, inside

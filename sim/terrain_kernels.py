@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.lib.stride_tricks import sliding_window_view
 
 from slam.se2 import Array
 
@@ -50,25 +51,31 @@ def build_ground(field: HeightField) -> Ground:
     rows, columns = (-(-(n - 1) // BLOCK) for n in field.heights.shape)
     nodes = np.pad(field.heights, ((0, rows * BLOCK + 1), (0, columns * BLOCK + 1)), mode="edge")
     lowest = min(0.0, float(field.heights.min()))
-    return Ground(field, _tops(nodes, rows, columns), lowest, field.highest == 0.0 == lowest)
+    blocks = sliding_window_view(nodes, (BLOCK + 1, BLOCK + 1))[
+        : rows * BLOCK : BLOCK, : columns * BLOCK : BLOCK
+    ]
+    tops = np.maximum(
+        blocks.max(axis=(2, 3)), 0.0
+    )  # the last blocks reach beyond the field, where it is level
+    return Ground(field, tops, lowest, field.highest == 0.0 == lowest)
 
 
 @njit(cache=True, error_model="numpy")
-def beam_directions(pose, angles):
-    """Unit vectors ``(B, 3)`` in the world of beams at ``angles (B,)`` rad of a sensor at ``pose (6,)``.
+def beam_directions(pose, c, s):
+    """Unit vectors ``(3, B)`` in the world of beams of a sensor at ``pose (6,)``, from cosines and sines
+    ``(B,)`` of their angles.
 
     ``pose`` is x, y, yaw, roll, pitch, z; R = Rz(yaw) Ry(pitch) Rx(roll).
     """
     sin_yaw, cos_yaw = np.sin(pose[2]), np.cos(pose[2])
     sin_roll, cos_roll = np.sin(pose[3]), np.cos(pose[3])
     sin_pitch, cos_pitch = np.sin(pose[4]), np.cos(pose[4])
-    out = np.empty((len(angles), 3))
-    for b in range(len(angles)):
-        c, s = np.cos(angles[b]), np.sin(angles[b])
-        forward, left = cos_pitch * c + sin_pitch * sin_roll * s, cos_roll * s
-        out[b, 0] = cos_yaw * forward - sin_yaw * left
-        out[b, 1] = sin_yaw * forward + cos_yaw * left
-        out[b, 2] = -sin_pitch * c + cos_pitch * sin_roll * s
+    out = np.empty((3, len(c)))
+    for b in range(len(c)):
+        forward, left = cos_pitch * c[b] + sin_pitch * sin_roll * s[b], cos_roll * s[b]
+        out[0, b] = cos_yaw * forward - sin_yaw * left
+        out[1, b] = sin_yaw * forward + cos_yaw * left
+        out[2, b] = -sin_pitch * c[b] + cos_pitch * sin_roll * s[b]
     return out
 
 
@@ -178,19 +185,33 @@ def _hit_level(z, dz, enter, leave):
 
 
 @njit(cache=True, error_model="numpy")
+def _below_highest(z, dz, reach, field):
+    """From where to where a ray, as long as ``reach``, is not above the highest ground."""
+    if dz < 0.0:
+        return max(0.0, (field.highest - z) / dz), reach
+    if dz > 0.0:
+        return 0.0, min(reach, (field.highest - z) / dz)
+    return 0.0, (reach if z <= field.highest else -np.inf)
+
+
+@njit(cache=True, error_model="numpy")
+def next_cell(x, y, dx, dy, i, j, x0, y0, size):
+    """Distance at which a ray leaves cell (i, j) of a grid, and the cell it comes to."""
+    to_x = (x0 + (i + (dx > 0.0)) * size - x) / dx if dx != 0.0 else np.inf
+    to_y = (y0 + (j + (dy > 0.0)) * size - y) / dy if dy != 0.0 else np.inf
+    if to_x <= to_y:
+        return to_x, i + (1 if dx > 0.0 else -1), j
+    return to_y, i, j + (1 if dy > 0.0 else -1)
+
+
+@njit(cache=True, error_model="numpy")
 def ground_hit(x, y, z, dx, dy, dz, reach, field):
     """Distance along a ray to the ground, inf when it is not met within ``reach``.
 
     The ray is point + r · direction. Cell by cell the ground is bilinear, hence quadratic along the ray: its
     first root is the hit, so nothing thinner than a marching step is missed.
     """
-    start, stop = 0.0, reach
-    if dz < 0.0:  # only where the ray is below the highest ground
-        start = max(start, (field.highest - z) / dz)
-    elif dz > 0.0:
-        stop = min(stop, (field.highest - z) / dz)
-    elif z > field.highest:
-        return np.inf
+    start, stop = _below_highest(z, dz, reach, field)
     if start > stop:
         return np.inf
     rows, columns = field.heights.shape
@@ -214,24 +235,17 @@ def _walk_cells(x, y, z, dx, dy, dz, enter, leave, field):
     res = field.resolution
     i = min(max(int((x + dx * enter - field.x0) / res), 0), columns - 2)
     j = min(max(int((y + dy * enter - field.y0) / res), 0), rows - 2)
-    step_i, step_j = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
     r = enter
-    while True:
-        next_x = (field.x0 + (i + (step_i > 0)) * res - x) / dx if dx != 0.0 else np.inf
-        next_y = (field.y0 + (j + (step_j > 0)) * res - y) / dy if dy != 0.0 else np.inf
-        end = max(r, min(next_x, next_y, leave))
+    while 0 <= i < columns - 1 and 0 <= j < rows - 1:
+        border, next_i, next_j = next_cell(x, y, dx, dy, i, j, field.x0, field.y0, res)
+        end = max(r, min(border, leave))
         hit = _hit_in_cell(x + dx * r, y + dy * r, z + dz * r, dx, dy, dz, i, j, end - r, field)
         if hit < np.inf:
             return r + hit
         if end >= leave:
             return np.inf
-        if next_x <= next_y:
-            i += step_i
-        else:
-            j += step_j
-        if not (0 <= i < columns - 1 and 0 <= j < rows - 1):
-            return np.inf
-        r = end
+        r, i, j = end, next_i, next_j
+    return np.inf
 
 
 @njit(cache=True, error_model="numpy")
@@ -244,34 +258,17 @@ def ground_normal(x, y, field):
     return -gx * n, -gy * n, n
 
 
-@njit(cache=True)
-def _tops(nodes, rows, columns):
-    tops = np.empty((rows, columns))
-    for j in range(rows):
-        for i in range(columns):
-            block = nodes[j * BLOCK : (j + 1) * BLOCK + 1, i * BLOCK : (i + 1) * BLOCK + 1]
-            tops[j, i] = max(0.0, block.max())  # the last blocks reach beyond the field, where it is level
-    return tops
-
-
 @njit(cache=True, error_model="numpy")
 def ground_range(x, y, z, dx, dy, dz, reach, ground):
     """Distance along a ray to the ground, inf when it is not met within ``reach``, as `ground_hit`."""
     field, tops = ground.field, ground.tops
     rows, columns = tops.shape
-    start, stop = 0.0, reach
-    if dz < 0.0:  # only where the ray is below the highest ground
-        start = max(start, (field.highest - z) / dz)
-    elif dz > 0.0:
-        stop = min(stop, (field.highest - z) / dz)
-    elif z > field.highest:
-        return np.inf
+    start, stop = _below_highest(z, dz, reach, field)
     size = field.resolution * BLOCK
     enter, leave = clip_to(x, dx, field.x0, field.x0 + columns * size, start, stop)
     enter, leave = clip_to(y, dy, field.y0, field.y0 + rows * size, enter, leave)
     i = min(max(int((x + dx * enter - field.x0) / size), 0), columns - 1)
     j = min(max(int((y + dy * enter - field.y0) / size), 0), rows - 1)
-    step_i, step_j = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
     r, end = start, (enter if enter < leave else stop)
     top = np.inf if end > r else -np.inf  # outside the blocks nothing is skipped
     while r <= end:
@@ -284,8 +281,6 @@ def ground_range(x, y, z, dx, dy, dz, reach, ground):
         r, end, top = end, stop, np.inf
         if r < leave and 0 <= i < columns and 0 <= j < rows:
             top = tops[j, i]
-            next_x = (field.x0 + (i + (step_i > 0)) * size - x) / dx if dx != 0.0 else np.inf
-            next_y = (field.y0 + (j + (step_j > 0)) * size - y) / dy if dy != 0.0 else np.inf
-            end = max(r, min(next_x, next_y, leave))
-            i, j = (i + step_i, j) if next_x <= next_y else (i, j + step_j)
+            border, i, j = next_cell(x, y, dx, dy, i, j, field.x0, field.y0, size)
+            end = max(r, min(border, leave))
     return np.inf

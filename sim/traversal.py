@@ -18,9 +18,8 @@ import numpy as np
 from numba import njit
 
 from sim.cells import Cells
-from sim.terrain_kernels import Ground, clip_to, ground_normal, ground_range
+from sim.terrain_kernels import Ground, beam_directions, clip_to, ground_normal, ground_range
 from sim.world import Obstacles
-from slam.se2 import Array
 
 NUDGE = 1e-7
 """Rays step this far over the border of a box [cells], less than the margin of the cells' claims."""
@@ -28,8 +27,6 @@ ON_LINE = 1e-9
 """A plate that spans twice this area with the sensor [m²] is seen edge on, and treated with care."""
 RIM = 1e-12
 """Caps reach this far beyond their edges [m], so that rounding lets no ray in between cap and plate."""
-UPRIGHT = 0.1
-"""Seen from above, beams keep their order while the cosine of the sensor's tilt is larger."""
 HUGE = 1e300
 """Instead of the infinite distance that a ray along one axis needs to a border across the other [m]."""
 NOTHING, LEVEL, GROUND, INSIDE = -1, -2, -3, -4
@@ -44,60 +41,6 @@ class Scene(NamedTuple):
     ground: Ground
     has_ground: bool
     ceiling: float
-
-
-class Fan(NamedTuple):
-    """Rays (B) of one pose: directions, distance m to the nearest hit so far, what it is, and to which
-    distance all there is has been looked at. ``right`` and ``left`` are the outermost rays, ``width`` rad
-    apart (infinite where the fan is turned so far over that they need not be).
-    """
-
-    right: int
-    left: int
-    width: float
-    dx: Array
-    dy: Array
-    dz: Array
-    nearest: Array
-    hit: np.ndarray
-    seen: Array
-
-
-@njit(cache=True)
-def _outermost(angles):
-    """The beams furthest to the right and to the left, and the angle between them [rad]."""
-    right, left = 0, 0
-    for b in range(len(angles)):
-        right, left = (b if angles[b] < angles[right] else right), (b if angles[b] > angles[left] else left)
-    return right, left, (angles[left] - angles[right] if len(angles) > 0 else np.inf)
-
-
-@njit(cache=True, error_model="numpy")
-def _aim(pose, c, s, fan):
-    """Directions of beams with these cosines and sines: R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    sin_yaw, cos_yaw = np.sin(pose[2]), np.cos(pose[2])
-    sin_roll, cos_roll = np.sin(pose[3]), np.cos(pose[3])
-    sin_pitch, cos_pitch = np.sin(pose[4]), np.cos(pose[4])
-    for b in range(len(c)):
-        forward, left = cos_pitch * c[b] + sin_pitch * sin_roll * s[b], cos_roll * s[b]
-        fan.dx[b] = cos_yaw * forward - sin_yaw * left
-        fan.dy[b] = sin_yaw * forward + cos_yaw * left
-        fan.dz[b] = -sin_pitch * c[b] + cos_pitch * sin_roll * s[b]
-
-
-@njit(cache=True, error_model="numpy")
-def _bound(z, scene, planar, fan):
-    """Set every ray's nearest hit to the ceiling's, or to where it is below all the ground."""
-    for b in range(len(fan.dx)):
-        fan.nearest[b], fan.hit[b] = np.inf, NOTHING
-    if planar or not scene.has_ground:
-        return
-    for b in range(len(fan.dx)):
-        dz = fan.dz[b]
-        if dz > 0.0:
-            fan.nearest[b], fan.hit[b] = max(0.0, (scene.ceiling - z) / dz), LEVEL
-        elif dz < 0.0:
-            fan.nearest[b], fan.hit[b] = max(0.0, (scene.ground.lowest - z) / dz), GROUND
 
 
 @njit(cache=True, error_model="numpy")
@@ -119,26 +62,6 @@ def plate_range(ax, ay, bx, by, dx, dy):
         return np.inf
     near, far = (ax * dx + ay * dy) / along, (bx * dx + by * dy) / along
     return max(0.0, min(near, far)) if max(near, far) >= 0.0 else np.inf
-
-
-@njit(cache=True, error_model="numpy")
-def _meet_plate(e, ax, ay, bx, by, z_lo, z_hi, fan):
-    """Test a whole fan against plate e; its ends and heights are relative to the sensor."""
-    dx, dy, dz, nearest, hit = fan.dx, fan.dy, fan.dz, fan.nearest, fan.hit
-    area = ax * (by - ay) - ay * (bx - ax)
-    if abs(area) < ON_LINE:
-        for b in range(len(dx)):
-            r = plate_range(ax, ay, bx, by, dx[b], dy[b])
-            if r < nearest[b] and z_lo <= dz[b] * r <= z_hi:
-                nearest[b], hit[b] = r, e
-        return
-    for b in range(len(dx)):
-        side_a, side_b = ax * dy[b] - ay * dx[b], bx * dy[b] - by * dx[b]
-        r = area / (side_a - side_b)
-        z = dz[b] * r
-        met = (side_a * side_b <= 0.0) & (r >= 0.0) & (r < nearest[b]) & (z >= z_lo) & (z <= z_hi)
-        nearest[b] = r if met else nearest[b]
-        hit[b] = e if met else hit[b]
 
 
 @njit(cache=True, error_model="numpy")
@@ -173,178 +96,150 @@ def _is_inside_solid(x, y, z, c, planar, scene):
 
 
 @njit(cache=True, error_model="numpy")
-def _look_around(x, y, z, c, planar, scene, fan):
-    """Test a fan from cell c against the shapes of the region around it."""
+def _look_around(x, y, z, c, dx, dy, dz, planar, scene, nearest, hit, seen):
+    """Test rays from cell c against the shapes of the region around it, up to where each leaves it."""
     cells, obstacles = scene.cells, scene.obstacles
-    plates, count = cells.plates, cells.regions[c, 4]
-    if count < 0:
-        for b in range(len(fan.seen)):
-            fan.seen[b] = 0.0
-        return
-    _see_box(x, y, cells.regions[c], cells, fan)
-    for n in range(count):
+    for n in range(cells.regions[c, 4]):
         e = cells.region_shapes[c, n]
-        if e >= len(plates):
-            if not planar:
-                _meet_caps(x, y, z, e - len(plates), obstacles, fan)
-            continue
-        ax, ay, bx, by = plates[e, 0] - x, plates[e, 1] - y, plates[e, 2] - x, plates[e, 3] - y
-        if _is_behind(ax, ay, bx, by, fan):
-            continue
-        if cells.closed[e] and ax * (by - ay) - ay * (bx - ax) > ON_LINE:
-            continue  # the far side of a solid
-        z_lo, z_hi = (-np.inf, np.inf) if planar else (plates[e, 4] - z, plates[e, 5] - z)
-        _meet_plate(e, ax, ay, bx, by, z_lo, z_hi, fan)
+        if e < len(cells.plates):
+            ax, ay, bx, by = cells.plates[e, :4] - np.array([x, y, x, y])
+            z_lo, z_hi = (-np.inf, np.inf) if planar else (cells.plates[e, 4] - z, cells.plates[e, 5] - z)
+            _meet_plate(e, ax, ay, bx, by, z_lo, z_hi, dx, dy, dz, nearest, hit)
+        elif not planar:
+            for b in range(len(dx)):
+                r = _cap_range(x, y, z, dx[b], dy[b], dz[b], e - len(cells.plates), nearest[b], obstacles)
+                if r < np.inf:
+                    nearest[b], hit[b] = r, LEVEL
+    if cells.regions[c, 4] >= 0:
+        i_lo, i_hi, j_lo, j_hi, _ = cells.regions[c]
+        x_lo, x_hi = cells.x0 + cells.size * i_lo - x, cells.x0 + cells.size * i_hi - x
+        y_lo, y_hi = cells.y0 + cells.size * j_lo - y, cells.y0 + cells.size * j_hi - y
+        for b in range(len(dx)):
+            to_x, to_y = (x_hi if dx[b] > 0.0 else x_lo) / dx[b], (y_hi if dy[b] > 0.0 else y_lo) / dy[b]
+            seen[b] = min(to_x if dx[b] != 0.0 else np.inf, to_y if dy[b] != 0.0 else np.inf)
 
 
 @njit(cache=True, error_model="numpy")
-def _is_behind(ax, ay, bx, by, fan):
-    """True where a segment lies in the sector that no ray of the fan looks into."""
-    if fan.width >= 2.0 * np.pi:
-        return False
-    right_x, right_y, left_x, left_y = (
-        fan.dx[fan.right],
-        fan.dy[fan.right],
-        fan.dx[fan.left],
-        fan.dy[fan.left],
-    )
-    a_right, b_right = right_x * ay - right_y * ax < 0.0, right_x * by - right_y * bx < 0.0
-    a_left, b_left = left_x * ay - left_y * ax > 0.0, left_x * by - left_y * bx > 0.0
-    if fan.width > np.pi:
-        return a_right and b_right and a_left and b_left
-    return (a_right and b_right) or (a_left and b_left)
-
-
-@njit(cache=True, error_model="numpy")
-def _meet_caps(x, y, z, k, obstacles, fan):
-    """Test a whole fan against top and underside of solid k."""
-    for b in range(len(fan.dx)):
-        r = _cap_range(x, y, z, fan.dx[b], fan.dy[b], fan.dz[b], k, fan.nearest[b], obstacles)
-        if r < np.inf:
-            fan.nearest[b], fan.hit[b] = r, LEVEL
-
-
-@njit(cache=True, error_model="numpy")
-def _see_box(x, y, box, cells, fan):
-    """All within a box of cells around a point has been looked at: to where each ray leaves it."""
-    x_lo, x_hi = cells.x0 + cells.size * box[0] - x, cells.x0 + cells.size * box[1] - x
-    y_lo, y_hi = cells.y0 + cells.size * box[2] - y, cells.y0 + cells.size * box[3] - y
-    dx, dy, seen = fan.dx, fan.dy, fan.seen
+def _meet_plate(e, ax, ay, bx, by, z_lo, z_hi, dx, dy, dz, nearest, hit):
+    """Test rays against plate e; its ends and heights are relative to the sensor."""
+    area = ax * (by - ay) - ay * (bx - ax)
+    if abs(area) < ON_LINE:
+        for b in range(len(dx)):
+            r = plate_range(ax, ay, bx, by, dx[b], dy[b])
+            if r < nearest[b] and z_lo <= dz[b] * r <= z_hi:
+                nearest[b], hit[b] = r, e
+        return
     for b in range(len(dx)):
-        to_x, to_y = (x_hi if dx[b] > 0.0 else x_lo) / dx[b], (y_hi if dy[b] > 0.0 else y_lo) / dy[b]
-        to_x, to_y = to_x if dx[b] != 0.0 else np.inf, to_y if dy[b] != 0.0 else np.inf
-        seen[b] = to_x if to_x < to_y else to_y
+        side_a, side_b = ax * dy[b] - ay * dx[b], bx * dy[b] - by * dx[b]
+        r = area / (side_a - side_b)
+        z = dz[b] * r
+        met = (side_a * side_b <= 0.0) & (r >= 0.0) & (r < nearest[b]) & (z >= z_lo) & (z <= z_hi)
+        nearest[b] = r if met else nearest[b]
+        hit[b] = e if met else hit[b]
 
 
 @njit(cache=True, error_model="numpy")
-def _enter_grid(x, y, cells, fan):
-    """Distances at which the rays of a point outside the grid enter it, inf where they do not."""
-    x_lo, y_lo = cells.x0 + cells.size, cells.y0 + cells.size
-    x_hi, y_hi = cells.x0 + cells.size * (cells.columns - 1), cells.y0 + cells.size * (cells.rows - 1)
-    for b in range(len(fan.dx)):
-        enter, leave = clip_to(x, fan.dx[b], x_lo, x_hi, 0.0, np.inf)
-        enter, leave = clip_to(y, fan.dy[b], y_lo, y_hi, enter, leave)
-        fan.seen[b] = enter if enter < leave else np.inf
-
-
-@njit(cache=True, error_model="numpy")
-def _walk(x, y, z, reach, planar, scene, fan):
+def _walk(x, y, z, directions, reach, planar, scene, nearest, hit, seen):
     """Follow every ray that has not met anything in what it has seen, box by box."""
     cells, obstacles = scene.cells, scene.obstacles
-    leaps, copies, shapes, edge_count = cells.leaps, cells.copies, cells.shapes, len(cells.plates)
-    columns, rows, scale = cells.columns, cells.rows, 1.0 / cells.size
+    leaps, copies, shapes, edge_count = cells.leaps, cells.copies, cells.shapes, len(obstacles.edges)
+    columns, rows, size, scale = cells.columns, cells.rows, cells.size, 1.0 / cells.size
     gx, gy = (x - cells.x0) * scale, (y - cells.y0) * scale
-    for b in range(len(fan.dx)):
-        nearest, seen, hit = fan.nearest[b], fan.seen[b], fan.hit[b]
-        if min(nearest, reach) <= seen:
+    for b in range(len(nearest)):
+        dx, dy, dz, best, what = directions[0, b], directions[1, b], directions[2, b], nearest[b], hit[b]
+        far = seen[b]
+        if min(best, reach) <= far:
             continue
-        dx, dy, dz = fan.dx[b], fan.dy[b], fan.dz[b]
-        per_x = cells.size / dx if dx != 0.0 else HUGE
-        per_y = cells.size / dy if dy != 0.0 else HUGE
+        per_x = size / dx if dx != 0.0 else HUGE
+        per_y = size / dy if dy != 0.0 else HUGE
         kx, ky = dx * scale, dy * scale
         side_x, side_y = (1 if dx >= 0.0 else 0), (3 if dy >= 0.0 else 2)
         at_x, at_y = gx + (NUDGE if dx >= 0.0 else -NUDGE), gy + (NUDGE if dy >= 0.0 else -NUDGE)
-        while True:
-            i, j = int(at_x + seen * kx), int(at_y + seen * ky)
+        while min(best, reach) > far:
+            i, j = int(at_x + far * kx), int(at_y + far * ky)
             if i < 1 or j < 1 or i >= columns - 1 or j >= rows - 1:
                 break
             c = j * columns + i
             for n in range(leaps[c, 4], leaps[c, 5]):
-                r = plate_range(
-                    copies[n, 0] - x, copies[n, 1] - y, copies[n, 2] - x, copies[n, 3] - y, dx, dy
-                )
-                if r < nearest and (planar or copies[n, 4] <= z + dz * r <= copies[n, 5]):
-                    nearest, hit = r, shapes[n]
+                ax, ay, bx, by = copies[n, 0] - x, copies[n, 1] - y, copies[n, 2] - x, copies[n, 3] - y
+                r = plate_range(ax, ay, bx, by, dx, dy)
+                if r < best and (planar or copies[n, 4] <= z + dz * r <= copies[n, 5]):
+                    best, what = r, shapes[n]
             if not planar:
                 for n in range(leaps[c, 5], leaps[c, 6]):
-                    r = _cap_range(x, y, z, dx, dy, dz, shapes[n] - edge_count, nearest, obstacles)
-                    if r < nearest:
-                        nearest, hit = r, LEVEL
-            seen = min((leaps[c, side_x] - gx) * per_x, (leaps[c, side_y] - gy) * per_y)
-            if min(nearest, reach) <= seen:
-                break
-        fan.nearest[b], fan.hit[b] = nearest, hit
+                    r = _cap_range(x, y, z, dx, dy, dz, shapes[n] - edge_count, best, obstacles)
+                    if r < best:
+                        best, what = r, LEVEL
+            far = min((leaps[c, side_x] - gx) * per_x, (leaps[c, side_y] - gy) * per_y)
+        nearest[b], hit[b] = best, what
 
 
 @njit(cache=True, error_model="numpy")
-def _cast_fan(x, y, z, reach, planar, scene, fan):
-    """Nearest hit of every ray of a fan, within ``reach``."""
-    cells = scene.cells
-    _bound(z, scene, planar, fan)
+def _cast_fan(x, y, z, directions, reach, planar, scene, nearest, hit):
+    """Distances to the nearest that rays (B) of one point meet, and what it is."""
+    tilted = scene.has_ground and not planar
+    cells, dx, dy, dz = scene.cells, directions[0], directions[1], directions[2]
+    seen = np.zeros(len(dx))
+    nearest[:], hit[:] = np.inf, NOTHING
+    if tilted:
+        for b in range(len(nearest)):
+            if dz[b] > 0.0:
+                nearest[b], hit[b] = max(0.0, (scene.ceiling - z) / dz[b]), LEVEL
+            elif dz[b] < 0.0:  # where it is below all the ground
+                nearest[b], hit[b] = max(0.0, (scene.ground.lowest - z) / dz[b]), GROUND
     i, j = math.floor((x - cells.x0) / cells.size), math.floor((y - cells.y0) / cells.size)
     if 1 <= i < cells.columns - 1 and 1 <= j < cells.rows - 1:
         c = j * cells.columns + i
         if _is_inside_solid(x, y, z, c, planar, scene):
-            for b in range(len(fan.hit)):
-                fan.nearest[b], fan.hit[b] = 0.0, INSIDE
+            nearest[:], hit[:] = 0.0, INSIDE
             return
-        _look_around(x, y, z, c, planar, scene, fan)
+        _look_around(x, y, z, c, dx, dy, dz, planar, scene, nearest, hit, seen)
     else:
-        _enter_grid(x, y, cells, fan)
-    _walk(x, y, z, reach, planar, scene, fan)
-    if scene.has_ground and not planar and not scene.ground.is_level:
-        for b in range(len(fan.dx)):
-            limit = min(fan.nearest[b], reach)
-            r = ground_range(x, y, z, fan.dx[b], fan.dy[b], fan.dz[b], limit, scene.ground)
-            if r < fan.nearest[b]:
-                fan.nearest[b], fan.hit[b] = r, GROUND
+        x_lo, y_lo = cells.x0 + cells.size, cells.y0 + cells.size
+        x_hi, y_hi = cells.x0 + cells.size * (cells.columns - 1), cells.y0 + cells.size * (cells.rows - 1)
+        for b in range(len(dx)):
+            enter, leave = clip_to(x, dx[b], x_lo, x_hi, 0.0, np.inf)
+            enter, leave = clip_to(y, dy[b], y_lo, y_hi, enter, leave)
+            seen[b] = enter if enter < leave else np.inf
+    _walk(x, y, z, directions, reach, planar, scene, nearest, hit, seen)
+    if tilted and not scene.ground.is_level:
+        for b in range(len(nearest)):
+            r = ground_range(x, y, z, dx[b], dy[b], dz[b], min(nearest[b], reach), scene.ground)
+            if r < nearest[b]:
+                nearest[b], hit[b] = r, GROUND
 
 
 @njit(cache=True, error_model="numpy")
-def _incidence(x, y, scene, fan, cosines):
-    """Cosine of the angle between each ray and the normal of what it met; 1 inside a solid, and for none."""
+def _incidence(x, y, directions, nearest, hit, scene, cosines):
+    """Cosine of the angle between each ray and the normal of what it met; 1 inside a solid or for nothing."""
     planes = scene.obstacles.planes
-    for b in range(len(cosines)):
-        dx, dy, dz, hit = fan.dx[b], fan.dy[b], fan.dz[b], fan.hit[b]
+    for b in range(len(nearest)):
+        dx, dy, dz = directions[0, b], directions[1, b], directions[2, b]
         cosines[b] = 1.0
-        if hit >= 0:
-            cosines[b] = abs(planes[hit, 0] * dx + planes[hit, 1] * dy)
-        elif hit == LEVEL:
+        if hit[b] >= 0:
+            cosines[b] = abs(planes[hit[b], 0] * dx + planes[hit[b], 1] * dy)
+        elif hit[b] == LEVEL:
             cosines[b] = abs(dz)
-        elif hit == GROUND:
-            r = fan.nearest[b]
-            nx, ny, nz = ground_normal(x + dx * r, y + dy * r, scene.ground.field)
+        elif hit[b] == GROUND:
+            nx, ny, nz = ground_normal(x + dx * nearest[b], y + dy * nearest[b], scene.ground.field)
             cosines[b] = abs(nx * dx + ny * dy + nz * dz)
 
 
 @njit(cache=True, error_model="numpy")
-def cast_beams(poses, angles, c, s, reach, planar, scene, ranges, cosines):
-    """Cast beams at angles (B), whose cosines and sines are c and s, of every pose (N, 6).
+def cast_beams(poses, c, s, reach, planar, scene, ranges, cosines):
+    """Cast beams whose cosines and sines are c and s (B) of every pose (N, 6).
 
     Writes ranges (N, B), NaN for nothing, and cosines of the incidence where ``cosines`` is (N, B) too,
     rather than empty. ``planar``: only x, y and yaw count, every obstacle is endlessly high, and there is
     neither floor nor ceiling.
     """
-    beams = len(c)
-    nearest, seen, hit = np.empty(beams), np.empty(beams), np.empty(beams, dtype=np.int64)
-    dx, dy, dz, (right, left, width) = np.empty(beams), np.empty(beams), np.empty(beams), _outermost(angles)
+    hit = np.empty(len(c), dtype=np.int64)
     for n in range(len(poses)):
-        x, y, roll, pitch, z = poses[n, 0], poses[n, 1], poses[n, 3], poses[n, 4], poses[n, 5]
-        is_upright = np.cos(roll) * np.cos(pitch) > UPRIGHT
-        fan = Fan(right, left, width if is_upright else np.inf, dx, dy, dz, nearest, hit, seen)
-        _aim(poses[n], c, s, fan)
-        _cast_fan(x, y, z, reach, planar, scene, fan)
-        for b in range(beams):
-            ranges[n, b] = nearest[b] if nearest[b] <= reach and nearest[b] < np.inf else np.nan
+        x, y, z = poses[n, 0], poses[n, 1], poses[n, 5]
+        directions = beam_directions(poses[n], c, s)
+        _cast_fan(x, y, z, directions, reach, planar, scene, ranges[n], hit)
         if cosines.size > 0:
-            _incidence(x, y, scene, fan, cosines[n])
+            _incidence(x, y, directions, ranges[n], hit, scene, cosines[n])
+        for b in range(len(c)):
+            if ranges[n, b] > reach or ranges[n, b] == np.inf:
+                ranges[n, b] = np.nan

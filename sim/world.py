@@ -1,16 +1,15 @@
-"""Everything a robot can meet: solids, the ground and the ceiling."""
+"""Everything a robot can meet: solids, ground and ceiling, debris that it pushes, people who walk."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.floorplan import Prism, outlines
-from sim.movers import Debris, Person
+from sim.floorplan import BELOW_FLOOR, Prism, round_prism
 from sim.smoke import Smoke
 from sim.terrain import Terrain
 from slam.se2 import Array
@@ -51,10 +50,8 @@ def plates(segments: ArrayLike, heights: ArrayLike | None = None) -> Obstacles:
     z_lo, z_hi = np.full(len(segments), -np.inf), np.full(len(segments), np.inf)
     if heights is not None:
         heights = np.asarray(heights, dtype=np.float64)
-        if heights.shape not in ((len(segments),), (len(segments), 2)):
-            raise ValueError(
-                f"heights: expected ({len(segments)},) or ({len(segments)}, 2), got {heights.shape}"
-            )
+        if heights.shape not in ((count := len(segments),), (count, 2)):
+            raise ValueError(f"heights: expected ({count},) or ({count}, 2), got {heights.shape}")
         z_hi = heights if heights.ndim == 1 else heights[:, 1]
         z_lo = z_lo if heights.ndim == 1 else heights[:, 0]
     first = np.arange(len(segments) + 1)
@@ -74,6 +71,69 @@ def _planes(edges: Array) -> Array:
     along = edges[:, 2:] - edges[:, :2]
     normal = np.stack([along[:, 1], -along[:, 0]], -1) / np.hypot(along[:, 0], along[:, 1])[:, None]
     return np.ascontiguousarray(np.column_stack([normal, np.sum(normal * edges[:, :2], axis=1)]))
+
+
+@dataclass(frozen=True)
+class Debris:
+    """A loose solid of ``mass`` kg where ``prism`` is at first, its heights above the ground under it.
+
+    ``friction`` is Coulomb's coefficient between it and the ground. Raises ``ValueError`` unless mass > 0
+    and friction >= 0.
+    """
+
+    prism: Prism
+    mass: float
+    friction: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (self.mass > 0.0 and self.friction >= 0.0):
+            given = f"got {self.mass} and {self.friction}"
+            raise ValueError(f"debris: expected mass > 0 and friction >= 0, {given}")
+
+    @property
+    def centre(self) -> Array:
+        """Centre of mass (2) m at first; the body frame is there, parallel to the world's."""
+        x, y = self.prism.footprint.T
+        cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+        sums = self.prism.footprint + np.roll(self.prism.footprint, -1, axis=0)
+        return cross @ sums / (3.0 * cross.sum())
+
+    @property
+    def shape(self) -> Prism:
+        """The solid in its body frame."""
+        return Prism(self.prism.footprint - self.centre, self.prism.z_lo, self.prism.z_hi, self.prism.kind)
+
+
+@dataclass(frozen=True)
+class Person:
+    """Somebody who walks round the closed ``loop (K, 2)`` m at ``speed`` m/s for ever.
+
+    ``start``: share of the loop already walked at time 0. Turns round rather than come nearer than
+    ``keep_off`` m to the robot. Raises ``ValueError`` for a loop without length or fewer than two points.
+    """
+
+    loop: Array
+    speed: float = 1.0
+    start: float = 0.0
+    radius: float = 0.2
+    height: float = 1.75
+    keep_off: float = 0.8
+
+    def __post_init__(self) -> None:
+        loop = np.ascontiguousarray(self.loop, dtype=np.float64)
+        if loop.ndim != 2 or loop.shape[0] < 2 or loop.shape[1] != 2:
+            raise ValueError(f"person: expected a loop (K >= 2, 2), got {loop.shape}")
+        if not np.all(np.hypot(*(np.roll(loop, -1, axis=0) - loop).T) > 0.0):
+            raise ValueError("person: expected legs of the loop with length > 0")
+        if not (self.speed >= 0.0 and self.radius > 0.0):
+            given = f"got {self.speed} and {self.radius}"
+            raise ValueError(f"person: expected speed >= 0 and radius > 0, {given}")
+        object.__setattr__(self, "loop", loop)
+
+    @property
+    def shape(self) -> Prism:
+        """The person as an upright solid in the body frame."""
+        return round_prism([0.0, 0.0], self.radius, 8, BELOW_FLOOR, self.height, "furniture")
 
 
 @dataclass(frozen=True)
@@ -97,11 +157,7 @@ class World:
         """Debris, then people, as arrays: each solid in its body frame."""
         return solids([*(d.shape for d in self.debris), *(p.shape for p in self.people)])
 
-    def without_heights(self) -> World:
-        """The same world with its still solids endlessly high."""
-        endless = (replace(prism, z_lo=-np.inf, z_hi=np.inf) for prism in self.prisms)
-        return replace(self, prisms=tuple(endless))
-
     def outlines(self, z: float) -> Array:
         """Edges ``(S, 4)`` m of what a plane at height ``z`` cuts: the true map of a level laser."""
-        return outlines(self.prisms, z)
+        cut = [prism.edges for prism in self.prisms if prism.z_lo <= z <= prism.z_hi]
+        return np.vstack(cut) if cut else np.empty((0, 4))

@@ -1,14 +1,19 @@
 """The scenarios, by name. Listing them imports no simulator.
 
-A new one is a file with a function ``build(rng) -> Setup``, and an entry here: what the entry says is tested
-on arrival.
+A new one is a file with a function ``build(rng) -> Setup`` and an entry in ``catalogue.yaml``: what the entry
+says is tested on arrival.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from importlib import import_module
-from typing import TYPE_CHECKING
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,61 +32,27 @@ class Scenario:
     """Of the ground it covers, along x and y [m]."""
     drive_m: float
     """Length of a drive, about [m]."""
+    setup: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """What its set-up has instead of the defaults."""
 
     def build(self, rng: np.random.Generator) -> Setup:
         """Draw the scenario's set-up: its character is fixed, furniture, hazards and exact route are not."""
-        return import_module(f"{__name__}.{self.name}").build(rng)
+        return configured(import_module(f"{__name__}.{self.name}").build(rng), self.setup)
 
 
-_SCENARIOS = (
-    Scenario(
-        "hospital",
-        "Corridors, rooms and a hall; sills, rubble and a fall make the matcher lose its place.",
-        (39.0, 20.0),
-        165.0,
-    ),
-    Scenario(
-        "office_smoke",
-        "A loop of 50 m through offices full of smoke: gaps without a match, and pieces that hardly overlap.",
-        (65.0, 59.0),
-        230.0,
-    ),
-    Scenario(
-        "two_drives",
-        "The same offices driven round twice, a blind gap and a fall between: two maps that overlap.",
-        (65.0, 59.0),
-        418.0,
-    ),
-    Scenario(
-        "beehive",
-        "Hexagonal rooms: walls in three directions, and rooms that look alike turned by 60 degrees.",
-        (26.0, 24.0),
-        108.0,
-    ),
-    Scenario(
-        "corridor",
-        "Between two bare parallel walls no scan tells how far the robot has come; encoders that slip do.",
-        (66.0, 8.0),
-        146.0,
-    ),
-    Scenario(
-        "outdoor",
-        "Trees, rocks and hedges on hilly ground: no straight walls, so the Hough transform finds no lines.",
-        (52.5, 42.5),
-        158.0,
-    ),
-    Scenario(
-        "collapsed",
-        "Rubble everywhere and steep slabs: the laser sees the floor as often as the walls.",
-        (28.0, 22.0),
-        117.0,
-    ),
-    Scenario(
-        "twin_rooms",
-        "Rows of identical rooms, furniture included: a stitch that fits need not be true.",
-        (36.0, 11.0),
-        115.0,
-    ),
-)
+def configured(config: Any, settings: Mapping[str, Any]) -> Any:
+    """A data class with other values in some fields, of data classes within it too; angles in degrees where
+    the key says ``_deg``."""
+    values = {}
+    for key, value in settings.items():
+        name, degrees = key.removesuffix("_deg"), key.endswith("_deg")
+        if isinstance(value, Mapping):
+            value = configured(getattr(config, name), value)
+        values[name] = radians(value) if degrees else tuple(value) if isinstance(value, list) else value
+    return replace(config, **values)
 
-CATALOGUE: dict[str, Scenario] = {scenario.name: scenario for scenario in _SCENARIOS}
+
+CATALOGUE: dict[str, Scenario] = {
+    name: Scenario(name, **entry | {"size_m": tuple(entry["size_m"])})
+    for name, entry in yaml.safe_load(Path(__file__).with_name("catalogue.yaml").read_text("utf-8")).items()
+}

@@ -7,10 +7,11 @@ which doors are open tell. Sills and heaps of rubble tilt the robot on its way r
 
 from __future__ import annotations
 
+from itertools import pairwise, product
+
 import numpy as np
 
-from scenarios.catalogue.building import closed_doors, start, walls, with_heaps, with_sills
-from scenarios.catalogue.furnishing import PIECES, distance
+from scenarios.catalogue.building import PIECES, closed_doors, distance, start, walls, with_heaps, with_sills
 from sim.driver import resample
 from sim.floorplan import Prism
 from sim.record import Setup
@@ -59,23 +60,16 @@ def centre(cell: tuple[int, int]) -> Array:
 
 def draw_route(rng: np.random.Generator) -> Array:
     """Waypoints ``(K, 2)`` m through the rooms of the route, turned by a multiple of 60 degrees."""
-    turned = rng.integers(6)
-    cells = [_turned(cell, int(turned)) for cell in ROUTE]
+    cells = list(ROUTE)
+    for _ in range(rng.integers(6)):
+        cells = [(-r, q + r) for q, r in cells]
     spots = np.array([centre(cell) for cell in cells]) + rng.uniform(-0.6, 0.6, (len(cells), 2))
     waypoints = [spots[0]]
-    for k in range(1, len(cells)):
-        door = 0.5 * (centre(cells[k - 1]) + centre(cells[k]))
-        through = centre(cells[k]) - centre(cells[k - 1])
+    for (a, b), spot in zip(pairwise(cells), spots[1:], strict=True):
+        door, through = 0.5 * (centre(a) + centre(b)), centre(b) - centre(a)
         through /= np.hypot(*through)
-        waypoints += [door - 0.6 * through, door + 0.6 * through, spots[k]]
+        waypoints += [door - 0.6 * through, door + 0.6 * through, spot]
     return np.array(waypoints)
-
-
-def _turned(cell: tuple[int, int], times: int) -> tuple[int, int]:
-    q, r = cell
-    for _ in range(times):
-        q, r = -r, q + r
-    return q, r
 
 
 def _segments() -> list[tuple[float, float, float, float]]:
@@ -92,12 +86,10 @@ def _segments() -> list[tuple[float, float, float, float]]:
 def _doors() -> Array:
     """A door ``(K, 3)`` (x, y, yaw of its wall) in every wall between two rooms."""
     doors = []
-    for q, r in CELLS:
-        for dq, dr in ((1, 0), (0, 1), (-1, 1)):
-            if (q + dq, r + dr) in CELLS:
-                a, b = centre((q, r)), centre((q + dq, r + dr))
-                across = float(np.arctan2(*(b - a)[::-1]))
-                doors.append([*(0.5 * (a + b)), across + 0.5 * np.pi])
+    for (q, r), (dq, dr) in product(CELLS, ((1, 0), (0, 1), (-1, 1))):
+        if (q + dq, r + dr) in CELLS:
+            a, b = centre((q, r)), centre((q + dq, r + dr))
+            doors.append([*(0.5 * (a + b)), float(np.arctan2(*(b - a)[::-1])) + 0.5 * np.pi])
     return np.array(doors)
 
 

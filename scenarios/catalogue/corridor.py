@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.catalogue.building import jittered, start, walls, with_heaps
-from scenarios.catalogue.furnishing import Area, furnish
+from scenarios.catalogue.building import Area, furnish, jittered, start, walls, with_heaps
 from sim.driver import resample
 from sim.floorplan import column
-from sim.odometry import OdometryConfig
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World
@@ -26,7 +24,6 @@ HALL = 8.0
 CEILING = 2.5
 CLEARANCE = 0.45
 HEAPS = 6
-ODOMETRY = OdometryConfig(slip=0.02, slip_per_tilt=0.3, burst=0.1, burst_rate=0.05, skid_ratio=1.5)
 LOW, HIGH = 0.5 * (HALL - WIDTH), 0.5 * (HALL + WIDTH)
 """y of the corridor's walls [m]."""
 
@@ -39,28 +36,16 @@ def build(rng: np.random.Generator) -> Setup:
     waypoints = [west[3], west[4], west[0], *east, east[0], *west, west[0], [HALL + rng.uniform(4.0, 8.0), y]]
     route = jittered(waypoints, 0.2, rng)
     path = resample(route)
-    prisms = walls(_segments(), [])
+    halls = [
+        *((x, 0.0, x, HALL) for x in (0.0, end)),
+        *((x, y, x + HALL, y) for x in (0.0, far) for y in (0.0, HALL)),
+        *((x, a, x, b) for x in (HALL, far) for a, b in ((0.0, LOW), (HIGH, HALL))),
+    ]
+    prisms = walls([*halls, (HALL, LOW, far, LOW), (HALL, HIGH, far, HIGH)], [])
     for x in (0.0, far):
         middle = np.array([x + 0.5 * HALL, y]) + rng.uniform(-0.5, 0.5, 2)
         prisms.append(column(middle, rng.uniform(0.25, 0.5)))
         kinds = rng.choice(["desk", "table", "cupboard", "trolley", "chair"], 8)
         prisms += furnish(Area(x, 0.0, x + HALL, HALL), kinds, path, CLEARANCE, rng)
     terrain = with_heaps(Terrain.level([-0.5, -0.5], [end + 0.5, HALL + 0.5]), route, HEAPS, rng)
-    return Setup(
-        World(tuple(prisms), terrain, CEILING),
-        start(route),
-        route,
-        dead_reckoning="odometry",
-        odometry=ODOMETRY,
-    )
-
-
-def _segments() -> list[tuple[float, float, float, float]]:
-    """The halls and the corridor between them."""
-    far, end = HALL + LENGTH, 2.0 * HALL + LENGTH
-    halls = [
-        *((x, 0.0, x, HALL) for x in (0.0, end)),
-        *((x, y, x + HALL, y) for x in (0.0, far) for y in (0.0, HALL)),
-        *((x, a, x, b) for x in (HALL, far) for a, b in ((0.0, LOW), (HIGH, HALL))),
-    ]
-    return [*halls, (HALL, LOW, far, LOW), (HALL, HIGH, far, HIGH)]
+    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route)

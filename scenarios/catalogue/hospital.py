@@ -12,20 +12,19 @@ stitched.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from scenarios.catalogue.building import closed_doors, jittered, walls, with_heaps, with_sills
-from scenarios.catalogue.furnishing import Area, furnish
-from sim.corruption import Effects
-from sim.driver import DriverConfig, resample
+from scenarios.catalogue.building import Area, closed_doors, furnish, jittered, walls, with_heaps, with_sills
+from sim.driver import resample
 from sim.floorplan import Prism
-from sim.inertial import InertialConfig, ShockConfig
-from sim.laser import Scanner
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World
 from slam.se2 import Array
+
+Spot = tuple[float, float]
 
 LENGTH = 30.0
 HALL = 8.8
@@ -44,15 +43,6 @@ HEAPS = 4
 LEDGE = 0.3
 """What the robot falls from in the first room: the shock upsets the INS [m]."""
 
-SCANNER = Scanner(
-    effects=Effects(noise_constant=0.002, noise_slope=0.0, mixed_probability=0.1, dropout_floor=0.0)
-)
-"""USARSim's laser is nearly free of noise. This and what follows brings the drive near the one of the
-thesis's log, see ``python -m scenarios.bench.realism``."""
-INS = InertialConfig(yaw_noise=0.072, attitude_noise=np.deg2rad(0.15))
-SHOCK = ShockConfig(jump=np.deg2rad(13.5))
-DRIVER = DriverConfig(speed=0.80, pause_every=10.0, pause_mean=5.2)
-
 
 @dataclass(frozen=True)
 class Room:
@@ -64,13 +54,18 @@ class Room:
     doors: dict[float, float]
 
     @property
-    def centre(self) -> Array:
-        """Middle of the room (2)."""
-        return np.array([0.5 * (self.x0 + self.x1), 0.5 * (self.y[0] + self.y[1])])
+    def centre(self) -> tuple[float, float]:
+        """Middle of the room."""
+        return 0.5 * (self.x0 + self.x1), 0.5 * (self.y[0] + self.y[1])
+
+    def entry(self, corridor: float) -> tuple[list[Spot], float, float]:
+        """Outside and inside of the door nearest to a corridor, y of its wall, and the sign of y inwards."""
+        wall, x = min(self.doors.items(), key=lambda door: abs(door[0] - corridor))
+        inwards = float(np.sign(wall - corridor))
+        return [(x, corridor), (x, wall + 0.7 * inwards)], wall, inwards
 
 
-@dataclass(frozen=True)
-class Rooms:
+class Rooms(NamedTuple):
     """The rooms from west to east, on the three sides of the corridors."""
 
     south: tuple[Room, ...]
@@ -87,13 +82,16 @@ def build(rng: np.random.Generator) -> Setup:
     """One hospital: doors, furniture, hazards and the exact route drawn from ``rng``."""
     rooms = draw_rooms(rng)
     route = draw_route(rooms, rng)
-    doors = _doors(rooms)
+    doors = np.array([[x, y, 0.0] for room in rooms.all for y, x in room.doors.items()])
     shut = closed_doors(doors, route, SHARE_CLOSED, rng)
-    prisms = [*walls(_segments(rooms), doors), *shut, *_furniture(rooms, route, rng)]
-    terrain = _hazards(rooms, route, rng)
-    start = (float(route[0, 0]), float(route[0, 1]), 0.0)
-    world = World(tuple(prisms), terrain, CEILING)
-    return Setup(world, start, route, scanner=SCANNER, inertial=INS, shock=SHOCK, driver=DRIVER)
+    keep_clear = np.vstack([resample(route), doors[:, :2]])
+    prisms = [*walls(_segments(rooms), doors), *shut, *_furniture(rooms, keep_clear, rng)]
+    level = Terrain.level([-0.5, -0.5], [LENGTH + HALL + 0.5, NORTH[1] + 0.5])
+    terrain = with_heaps(with_sills(level, doors, rng), route, HEAPS, rng)
+    first, second = route[3], route[4]  # the two spots of the first room
+    ledge = first + 0.1 * (second - first), first + 0.6 * (second - first)
+    world = World(tuple(prisms), terrain.with_ramp(*ledge, 1.0, LEDGE), CEILING)
+    return Setup(world, (*route[0].tolist(), 0.0), route)
 
 
 def draw_rooms(rng: np.random.Generator) -> Rooms:
@@ -119,73 +117,52 @@ def draw_route(rooms: Rooms, rng: np.random.Generator) -> Array:
     a, b = 0.5 * sum(CORRIDOR_A), 0.5 * sum(CORRIDOR_B)
     west = [rooms.south[0], rooms.south[1], rooms.middle[0]]
     legs = [
-        [np.array([rng.uniform(11.0, 13.0), a])],
+        [(rng.uniform(11.0, 13.0), a)],
         _visit(rooms.south[rng.choice([3, 4])], a, rng, apart=1.3),
         _cross_hall(a, b, rng),
         _glance(rooms.north[rng.choice([4, 5])], b, rng),
         _glance(rooms.middle[3], b, rng),
         _visit(rooms.north[rng.choice([1, 2, 3])], b, rng),
         _glance(rooms.north[0], b, rng),
-        [np.array([0.5 * CROSS, b]), np.array([0.5 * CROSS, a])],
+        [(0.5 * CROSS, b), (0.5 * CROSS, a)],
         _glance(west[rng.choice(3)], a, rng),
         _pass(rooms.middle[2], a, b),
         _cross_hall(b, a, rng),
-        [np.array([rng.uniform(25.0, 28.0), a])],
+        [(rng.uniform(25.0, 28.0), a)],
     ]
-    return jittered([point for leg in legs for point in leg], 0.08, rng)
+    return jittered([spot for leg in legs for spot in leg], 0.08, rng)
 
 
-def _cross_hall(corridor: float, other: float, rng: np.random.Generator) -> list[Array]:
+def _cross_hall(corridor: float, other: float, rng: np.random.Generator) -> list[Spot]:
     """From one corridor to the other through the middle of the hall."""
-    x = LENGTH + 0.5 * HALL + rng.uniform(-0.3, 0.3)
+    x, door = LENGTH + 0.5 * HALL + rng.uniform(-0.3, 0.3), LENGTH + 0.5
     inwards = np.sign(other - corridor)
-    return [
-        np.array([LENGTH + 0.5, corridor]),
-        np.array([x, corridor + 1.5 * inwards]),
-        np.array([x, other - 1.5 * inwards]),
-        np.array([LENGTH + 0.5, other]),
-    ]
+    return [(door, corridor), (x, corridor + 1.5 * inwards), (x, other - 1.5 * inwards), (door, other)]
 
 
-def _visit(room: Room, corridor: float, rng: np.random.Generator, apart: float = 0.8) -> list[Array]:
+def _visit(room: Room, corridor: float, rng: np.random.Generator, apart: float = 0.8) -> list[Spot]:
     """In by the door, to two spots of the room, and out again."""
-    wall_y = min(room.doors, key=lambda y: abs(y - corridor))
-    door = room.doors[wall_y]
-    inwards = np.sign(wall_y - corridor)
+    way, _, inwards = room.entry(corridor)
+    x, y = room.centre
     spots = [
-        room.centre + np.array([side * rng.uniform(0.7, 1.3) * apart, inwards * rng.uniform(-0.4, 1.0)])
+        (x + side * rng.uniform(0.7, 1.3) * apart, y + inwards * rng.uniform(-0.4, 1.0))
         for side in rng.permutation([-1.0, 1.0])
     ]
-    outside, step = np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards])
-    return [outside, step, *spots, step, outside]
+    return [*way, *spots, *reversed(way)]
 
 
-def _glance(room: Room, corridor: float, rng: np.random.Generator) -> list[Array]:
+def _glance(room: Room, corridor: float, rng: np.random.Generator) -> list[Spot]:
     """In by the door, to the middle of the room, and out again."""
-    wall_y = min(room.doors, key=lambda y: abs(y - corridor))
-    door = room.doors[wall_y]
-    inwards = np.sign(wall_y - corridor)
-    spot = np.array([room.centre[0] + rng.uniform(-0.6, 0.6), wall_y + inwards * rng.uniform(1.6, 2.2)])
-    outside, step = np.array([door, corridor]), np.array([door, wall_y + 0.7 * inwards])
-    return [outside, step, spot, step, outside]
+    way, wall, inwards = room.entry(corridor)
+    spot = (room.centre[0] + rng.uniform(-0.6, 0.6), wall + inwards * rng.uniform(1.6, 2.2))
+    return [*way, spot, *reversed(way)]
 
 
-def _pass(room: Room, corridor: float, other: float) -> list[Array]:
+def _pass(room: Room, corridor: float, other: float) -> list[Spot]:
     """From one corridor to the other through a room with two doors."""
-    walls = sorted(room.doors, key=lambda y: abs(y - corridor))
-    inwards = np.sign(other - corridor)
-    entry, leaving = (room.doors[y] for y in walls)
-    return [
-        np.array([entry, corridor]),
-        np.array([entry, walls[0] + 0.8 * inwards]),
-        np.array([leaving, walls[1] - 0.8 * inwards]),
-        np.array([leaving, other]),
-    ]
-
-
-def _doors(rooms: Rooms) -> Array:
-    """Every door as (x, y, yaw of its wall): ``(K, 3)``."""
-    return np.array([[x, y, 0.0] for room in rooms.all for y, x in room.doors.items()])
+    (near, entry), (far, leaving) = sorted(room.doors.items(), key=lambda door: abs(door[0] - corridor))
+    inside = 0.8 * np.sign(other - corridor)
+    return [(entry, corridor), (entry, near + inside), (leaving, far - inside), (leaving, other)]
 
 
 def _segments(rooms: Rooms) -> list[tuple[float, float, float, float]]:
@@ -193,26 +170,17 @@ def _segments(rooms: Rooms) -> list[tuple[float, float, float, float]]:
     far, (lower, upper) = LENGTH + HALL, (CORRIDOR_A[0], CORRIDOR_B[1])
     upright = [
         (0.0, SOUTH[0], NORTH[1]),
-        (LENGTH, *SOUTH),
-        (LENGTH, *MIDDLE),
-        (LENGTH, *NORTH),
+        *((LENGTH, *y) for y in (SOUTH, MIDDLE, NORTH)),
         (far, lower, upper),
-        *((room.x0, *room.y) for room in (*rooms.south[1:], *rooms.middle, *rooms.north[1:])),
     ]
-    across = [
-        (SOUTH[0], 0.0, LENGTH),
-        (lower, 0.0, far),
-        (MIDDLE[0], CROSS, LENGTH),
-        (MIDDLE[1], CROSS, LENGTH),
-        (upper, 0.0, far),
-        (NORTH[1], 0.0, LENGTH),
-    ]
+    upright += [(room.x0, *room.y) for room in (*rooms.south[1:], *rooms.middle, *rooms.north[1:])]
+    across = [(SOUTH[0], 0.0, LENGTH), (lower, 0.0, far), *((y, CROSS, LENGTH) for y in MIDDLE)]
+    across += [(upper, 0.0, far), (NORTH[1], 0.0, LENGTH)]
     return [(x, y0, x, y1) for x, y0, y1 in upright] + [(x0, y, x1, y) for y, x0, x1 in across]
 
 
-def _furniture(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Prism]:
+def _furniture(rooms: Rooms, keep_clear: Array, rng: np.random.Generator) -> list[Prism]:
     """Beds, desks, cupboards and crates in the rooms, crates and trolleys in the corridors."""
-    keep_clear = np.vstack([resample(route), _doors(rooms)[:, :2]])
     placed: list[Prism] = []
     for room in rooms.all:
         kinds = rng.permutation(["bed", "bed", "desk", "cupboard", "crate"])[: rng.integers(3, 6)]
@@ -221,11 +189,3 @@ def _furniture(rooms: Rooms, route: Array, rng: np.random.Generator) -> list[Pri
         kinds = rng.choice(["crate", "trolley"], 4, p=[0.5, 0.5])
         placed += furnish(Area(CROSS, y[0], LENGTH, y[1]), kinds, keep_clear, CLEARANCE, rng)
     return placed
-
-
-def _hazards(rooms: Rooms, route: Array, rng: np.random.Generator) -> Terrain:
-    """Sills in the doors, rubble on the route, and a ledge between the two spots of the first room."""
-    level = Terrain.level([-0.5, -0.5], [LENGTH + HALL + 0.5, NORTH[1] + 0.5])
-    terrain = with_heaps(with_sills(level, _doors(rooms), rng), route, HEAPS, rng)
-    first, second = route[3], route[4]
-    return terrain.with_ramp(first + 0.1 * (second - first), first + 0.6 * (second - first), 1.0, LEDGE)

@@ -14,14 +14,21 @@ from typing import Literal
 
 import numpy as np
 
-from scenarios.catalogue.building import closed_doors, rectangle, walls, with_heaps
-from scenarios.catalogue.furnishing import PIECES, Area, distance, furnish
+from scenarios.catalogue.building import (
+    PIECES,
+    Area,
+    closed_doors,
+    distance,
+    furnish,
+    rectangle,
+    walls,
+    with_heaps,
+)
 from sim.driver import resample
 from sim.floorplan import Prism, box
-from sim.movers import Debris
 from sim.smoke import Smoke
 from sim.terrain import Terrain
-from sim.world import World
+from sim.world import Debris, World
 from slam.se2 import Array
 
 LENGTH, DEPTH = 53.0, 47.0
@@ -52,15 +59,10 @@ class Strip:
     count: int
     door_side: Literal["south", "north", "west", "east"]
 
-    @property
-    def along_x(self) -> bool:
-        """True for a row from west to east."""
-        return self.door_side in ("south", "north")
-
     def dividers(self) -> list[tuple[float, float, float, float]]:
         """Walls between the offices and at both ends of the row, as segments."""
         a = self.area
-        if self.along_x:
+        if self.door_side in ("south", "north"):  # from west to east
             return [(x, a.y0, x, a.y1) for x in np.linspace(a.x0, a.x1, self.count + 1).tolist()]
         return [(a.x0, y, a.x1, y) for y in np.linspace(a.y0, a.y1, self.count + 1).tolist()]
 
@@ -71,11 +73,10 @@ class Strip:
     def door(self, office: Area, rng: np.random.Generator) -> list[float]:
         """x, y and yaw of the wall of an office's door, anywhere near the middle of its wall."""
         shift = rng.uniform(-1.0, 1.0)
-        if self.along_x:
-            x = 0.5 * (office.x0 + office.x1) + shift
-            return [x, office.y0 if self.door_side == "south" else office.y1, 0.0]
-        y = 0.5 * (office.y0 + office.y1) + shift
-        return [office.x0 if self.door_side == "west" else office.x1, y, 0.5 * np.pi]
+        (x, y), side = office.middle, self.door_side
+        if side in ("south", "north"):
+            return [x + shift, office.y0 if side == "south" else office.y1, 0.0]
+        return [office.x0 if side == "west" else office.x1, y + shift, 0.5 * np.pi]
 
 
 _DEEP = CORRIDOR + OFFICE
@@ -94,26 +95,23 @@ STRIPS = (
 
 def round_trip(rng: np.random.Generator) -> list[Array]:
     """Waypoints of one drive round the ring, from its south-west corner back to it."""
-    side = 0.6
 
     def along(x: float, y: float) -> Array:
-        return np.array([x, y]) + rng.uniform(-side, side, 2)
+        return np.array([x, y]) + rng.uniform(-0.6, 0.6, 2)
 
-    def through(x: float, wall: float, inwards: float) -> list[Array]:
-        before, after = wall - 1.4 * inwards, wall + 1.2 * inwards
-        return [np.array([x, before]), np.array([x, after])]
+    def through(hall: Area, entry: float, leaving: float, y: float) -> list[Array]:
+        """In by one door of an open-plan office, along its aisle, and out by the other."""
+        before, after, step = hall.y0 - 1.4, hall.y0 + 1.2, 2.0 * np.sign(leaving - entry)
+        aisle = [[x, y + rng.uniform(-0.3, 0.3)] for x in (entry + step, leaving - step)]
+        way = [[entry, before], [entry, after], *aisle, [leaving, after], [leaving, before]]
+        return [np.array(place) for place in way]
 
-    south, north = SOUTH_ROOM.y0, NORTH_ROOM.y0
     return [
         along(7.0, MIDDLE),
-        *through(SOUTH_ENTRY, south, 1.0),
-        *(np.array([x, 6.0 + rng.uniform(-0.3, 0.3)]) for x in (SOUTH_ENTRY + 2.0, SOUTH_EXIT - 2.0)),
-        *reversed(through(SOUTH_EXIT, south, 1.0)),
+        *through(SOUTH_ROOM, SOUTH_ENTRY, SOUTH_EXIT, 6.0),
         along(LENGTH - MIDDLE, MIDDLE),
         along(LENGTH - MIDDLE, DEPTH - MIDDLE),
-        *through(NORTH_ENTRY, north, 1.0),
-        *(np.array([x, 50.0 + rng.uniform(-0.3, 0.3)]) for x in (NORTH_ENTRY - 2.0, NORTH_EXIT + 2.0)),
-        *reversed(through(NORTH_EXIT, north, 1.0)),
+        *through(NORTH_ROOM, NORTH_ENTRY, NORTH_EXIT, 50.0),
         along(MIDDLE, DEPTH - MIDDLE),
         along(MIDDLE, MIDDLE),
     ]
@@ -156,37 +154,25 @@ def _offices(rng: np.random.Generator, store_door: list[float] | None) -> tuple[
     """Doors ``(K, 3)`` (x, y, yaw of the wall) of everything, and the single offices."""
     doors = [[x, SOUTH_ROOM.y0, 0.0] for x in (SOUTH_ENTRY, SOUTH_EXIT)]
     doors += [[x, NORTH_ROOM.y0, 0.0] for x in (NORTH_ENTRY, NORTH_EXIT)]
-    offices = []
-    for strip in STRIPS:
-        for office in strip.offices():
-            if not any(_lies_in(office, hall) for hall in (SOUTH_ROOM, NORTH_ROOM)):
-                offices.append(office)
-                door = strip.door(office, rng)
-                doors.append(store_door if store_door and office.touches(store_door) else door)
-    return np.array(doors), offices
+    offices = [(office, strip) for strip in STRIPS for office in strip.offices() if not _in_a_hall(office)]
+    for office, strip in offices:
+        door = strip.door(office, rng)
+        doors.append(store_door if store_door and office.touches(store_door) else door)
+    return np.array(doors), [office for office, _ in offices]
 
 
 def _segments() -> list[tuple[float, float, float, float]]:
     """Outer walls, both walls of the ring, the courtyard's, and those between offices."""
-    deep = CORRIDOR + OFFICE
-    segments = [
-        *rectangle(-OFFICE, -OFFICE, LENGTH + OFFICE, DEPTH + OFFICE),
-        *rectangle(0.0, 0.0, LENGTH, DEPTH),
-        *rectangle(CORRIDOR, CORRIDOR, LENGTH - CORRIDOR, DEPTH - CORRIDOR),
-        *rectangle(deep, deep, LENGTH - deep, DEPTH - deep),
-    ]
-    for strip in STRIPS:
-        for x0, y0, x1, y1 in strip.dividers():
-            middle = Area(x0 - 0.1, y0 - 0.1, x1 + 0.1, y1 + 0.1)
-            if not any(_lies_in(middle, hall, margin=0.5) for hall in (SOUTH_ROOM, NORTH_ROOM)):
-                segments.append((x0, y0, x1, y1))
-    return segments
+    rings = [rectangle(d, d, LENGTH - d, DEPTH - d) for d in (-OFFICE, 0.0, CORRIDOR, _DEEP)]
+    between = [wall for strip in STRIPS for wall in strip.dividers() if not _in_a_hall(Area(*wall), 0.5)]
+    return [segment for segments in (*rings, between) for segment in segments]
 
 
-def _lies_in(area: Area, hall: Area, margin: float = 0.0) -> bool:
-    """True where the middle of an area lies in a hall, ``margin`` m or more from its ends."""
-    x, y = 0.5 * (area.x0 + area.x1), 0.5 * (area.y0 + area.y1)
-    return hall.x0 + margin < x < hall.x1 - margin and hall.y0 < y < hall.y1
+def _in_a_hall(area: Area, margin: float = 0.0) -> bool:
+    """True where the middle of an area lies in an open-plan office, ``margin`` m or more from its ends."""
+    x, y = area.middle
+    halls = (SOUTH_ROOM, NORTH_ROOM)
+    return any(h.x0 + margin < x < h.x1 - margin and h.y0 < y < h.y1 for h in halls)
 
 
 def _barricade(x: float, y: float, rng: np.random.Generator) -> list[Prism]:

@@ -8,22 +8,14 @@ map worse than it was.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from scenarios.catalogue import office
 from scenarios.catalogue.building import spread, start
-from scenarios.catalogue.equipment import PIONEER, SICK
-from sim.corruption import Effects
-from sim.driver import DriverConfig
 from sim.record import Setup
 
 CLOUDS, RADIUS, EXTINCTION = 6, (1.5, 4.0), (3.0, 10.0)
 """Number, radius [m] and extinction coefficient [1/m] of the clouds on the route."""
-RETURN = 0.03
-"""Share of the scattered beams that come back: black smoke swallows most."""
-DRIVER = DriverConfig(speed=1.0, lookahead=0.7, pause_every=18.0, pause_mean=3.0)
 
 
 def build(rng: np.random.Generator) -> Setup:
@@ -32,12 +24,4 @@ def build(rng: np.random.Generator) -> Setup:
     again = office.round_trip(rng)[:4]
     route = np.array([begin, [office.MIDDLE, 2.5], *office.round_trip(rng), *again])
     clouds = [(place, rng.uniform(*RADIUS), rng.uniform(*EXTINCTION)) for place in spread(route, CLOUDS, rng)]
-    return Setup(
-        office.world(route, clouds, rng),
-        start(route),
-        route,
-        robot=PIONEER,
-        scanner=replace(SICK, effects=Effects(smoke_return=RETURN)),
-        driver=DRIVER,
-        scan_interval=0.25,
-    )
+    return Setup(office.world(route, clouds, rng), start(route), route)

@@ -10,15 +10,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenarios.catalogue.building import start, with_heaps
-from scenarios.catalogue.equipment import PIONEER, SICK
-from scenarios.catalogue.furnishing import stones
-from sim.driver import DriverConfig, resample
+from scenarios.catalogue.building import start, stones, with_heaps
+from sim.driver import resample
 from sim.floorplan import Prism, column, stone
-from sim.movers import Person
 from sim.record import Setup
 from sim.terrain import Terrain
-from sim.world import World
+from sim.world import Person, World
 from slam.se2 import Array
 
 LENGTH, DEPTH = 50.0, 40.0
@@ -33,7 +30,6 @@ HILLS, HILL = 0.2, 3.0
 LAPS = 1.15
 """Of the figure of eight that is driven."""
 CLEARANCE = 0.6
-DRIVER = DriverConfig(speed=0.9, lookahead=0.7, pause_every=18.0, pause_mean=3.0)
 
 
 def build(rng: np.random.Generator) -> Setup:
@@ -44,23 +40,15 @@ def build(rng: np.random.Generator) -> Setup:
     prisms = _hedge(_outline(rng), rng)
     for _ in range(HEDGES):
         prisms += _clear_of(path, _hedge(_bow(rng), rng))
-    trunks = [
-        column(rng.uniform(low + 2.0, high - 2.0), rng.uniform(*TRUNK), 8, height=4.0) for _ in range(TREES)
-    ]
+    inner = low + 2.0, high - 2.0
+    trunks = [column(rng.uniform(*inner), rng.uniform(*TRUNK), 8, height=4.0) for _ in range(TREES)]
     prisms += _clear_of(path, trunks)
     prisms += stones(low + 1.0, high - 1.0, ROCKS, (0.15, 0.7), (0.15, 0.9), path, CLEARANCE, rng)
     terrain = Terrain.level(low - 2.0, high + 2.0, 0.1)
     terrain = terrain.with_rubble_field(low - 1.0, high + 1.0, HILLS, 0.0, rng, grain=HILL)
     terrain = with_heaps(terrain, route, HEAPS, rng)
     people = tuple(_walker(path, rng) for _ in range(WALKERS))
-    return Setup(
-        World(tuple(prisms), terrain, people=people),
-        start(route),
-        route,
-        robot=PIONEER,
-        scanner=SICK,
-        driver=DRIVER,
-    )
+    return Setup(World(tuple(prisms), terrain, people=people), start(route), route)
 
 
 def draw_route(rng: np.random.Generator) -> Array:
@@ -75,10 +63,7 @@ def draw_route(rng: np.random.Generator) -> Array:
 
 def _outline(rng: np.random.Generator) -> Array:
     """Corners of the hedge around everything: a wavy rectangle, closed."""
-    sides = resample(
-        [[0.0, 0.0], [LENGTH, 0.0], [LENGTH, DEPTH], [0.0, DEPTH], [0.0, 0.0]],
-        spacing=0.9,
-    )
+    sides = resample([[0.0, 0.0], [LENGTH, 0.0], [LENGTH, DEPTH], [0.0, DEPTH], [0.0, 0.0]], spacing=0.9)
     waves = 0.5 * np.stack([np.sin(0.7 * sides[:, 1]), np.sin(0.5 * sides[:, 0])], -1)
     return sides + waves + rng.uniform(-0.25, 0.25, sides.shape)
 

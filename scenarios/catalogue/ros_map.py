@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from scenarios.catalogue.building import with_heaps
 from sim.driver import DriverConfig, resample
-from sim.floorplan import WALL_HEIGHT
-from sim.occupancy_walls import walls
+from sim.floorplan import WALL_HEIGHT, walls_of_map
 from sim.record import Setup
 from sim.robot import RobotConfig
 from sim.route import NoRouteError, plan
@@ -24,7 +24,6 @@ from slam.formats import FormatError, ros_map
 from slam.se2 import Array
 
 METRES_PER_HEAP = 15.0
-RUBBLE_HEIGHT, RUBBLE_RADIUS, RUBBLE_ROUGHNESS = (0.01, 0.03), (0.5, 1.0), np.deg2rad(2.0)
 SECONDS_PER_METRE = 5.0
 """Time the driver gets, pauses included."""
 
@@ -56,7 +55,9 @@ class MappedBuilding:
             raise InputError(f"{self.path}: {error}") from error
         path = resample(route)
         length = 0.05 * len(path)
-        world = World(tuple(walls(grid)), _rubble(path, length, rng), WALL_HEIGHT)
+        level = Terrain.level(path.min(axis=0) - 2.0, path.max(axis=0) + 2.0)
+        terrain = with_heaps(level, route, round(length / METRES_PER_HEAP), rng, again=True)
+        world = World(tuple(walls_of_map(grid)), terrain, WALL_HEIGHT)
         start = self.start or (*path[0].tolist(), _heading(path))
         driver = DriverConfig(time_limit=max(DriverConfig.time_limit, SECONDS_PER_METRE * length))
         return Setup(world, start, route, robot=robot, driver=driver)
@@ -65,12 +66,3 @@ class MappedBuilding:
 def _heading(path: Array, ahead: int = 10) -> float:
     dx, dy = path[min(ahead, len(path) - 1)] - path[0]
     return float(np.arctan2(dy, dx))
-
-
-def _rubble(path: Array, length: float, rng: np.random.Generator) -> Terrain:
-    """Level ground along the route ``path (P, 2)``, with heaps of rubble on it."""
-    terrain = Terrain.level(path.min(axis=0) - 2.0, path.max(axis=0) + 2.0)
-    for at in rng.choice(len(path), round(length / METRES_PER_HEAP)):
-        height, radius = rng.uniform(*RUBBLE_HEIGHT), rng.uniform(*RUBBLE_RADIUS)
-        terrain = terrain.with_rubble(path[at], radius, height, RUBBLE_ROUGHNESS, rng)
-    return terrain

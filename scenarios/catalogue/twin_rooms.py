@@ -12,10 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenarios.catalogue.building import jittered, start, walls, with_heaps, with_sills
-from scenarios.catalogue.furnishing import Area, furnish
+from scenarios.catalogue.building import Area, furnish, jittered, start, walls, with_heaps, with_sills
 from sim.driver import resample
-from sim.inertial import InertialConfig
 from sim.record import Setup
 from sim.terrain import Terrain
 from sim.world import World
@@ -28,8 +26,6 @@ WIDTH, DEPTH, CORRIDOR = 4.0, 4.5, 2.0
 """Of a room along and across the corridor, and of the corridor [m]."""
 DOOR_X = 1.2
 """Middle of a room's door, from its west wall [m]."""
-INERTIAL = InertialConfig(model="consistent")
-"""Its position drifts with its yaw."""
 LEDGE, SLOPE = 0.3, 1.8
 """Height and length of the ramp that ends in the ledge, on the south side of the corridor [m]."""
 TURN = 6.0
@@ -45,22 +41,27 @@ VISITS = 7
 
 def build(rng: np.random.Generator) -> Setup:
     """One building: the furniture that all rooms share, rubble, and the rooms on the route from ``rng``."""
-    anchors = _anchors()
+    length, across = ROOMS * WIDTH, 2.0 * DEPTH + CORRIDOR
+    south = [[WIDTH * k, 0.0, 0.0] for k in range(ROOMS)]
+    north = [[WIDTH * (k + 1), across, np.pi] for k in range(ROOMS)]
+    anchors = np.array([*south, *north])  # frames of the rooms, their door in the wall at y = DEPTH
     doors = np.array([se2.compose(anchor, [DOOR_X, DEPTH, 0.0]) for anchor in anchors])
     route = draw_route(anchors, rng)
-    prisms = walls(_segments(), doors)
+    segments = [(0.0, y, length, y) for y in (0.0, DEPTH, DEPTH + CORRIDOR, across)]
+    segments += [(x, 0.0, x, across) for x in (0.0, length)]
+    segments += [(x, y, x, y + DEPTH) for x in WIDTH * np.arange(1, ROOMS) for y in (0.0, DEPTH + CORRIDOR)]
+    prisms = walls(segments, doors)
     step, middle = [DOOR_X, DEPTH - 0.8], 0.5 * WIDTH
     entered = [[DOOR_X, DEPTH], step, [middle - SPREAD, 0.5 * DEPTH], [middle + SPREAD, 0.5 * DEPTH], step]
     kinds = rng.permutation(["bed", "desk", "cupboard", "table", "trolley", "chair"])
     pieces = furnish(Area(0.0, 0.0, WIDTH, DEPTH), kinds, resample(entered), CLEARANCE, rng)
     for anchor in anchors:
         prisms += [replace(p, footprint=se2.transform(anchor, p.footprint)) for p in pieces]
-    length, across = ROOMS * WIDTH, 2.0 * DEPTH + CORRIDOR
     terrain = Terrain.level([-0.5, -0.5], [length + 0.5, across + 0.5])
     terrain = with_heaps(with_sills(terrain, doors, rng), route, HEAPS, rng)
     ledge = np.array([length - 2.0, DEPTH + 0.5 * CORRIDOR - 0.45])
     terrain = terrain.with_ramp(ledge - [SLOPE, 0.0], ledge, 0.7, LEDGE)
-    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route, inertial=INERTIAL)
+    return Setup(World(tuple(prisms), terrain, CEILING), start(route), route)
 
 
 def draw_route(anchors: Array, rng: np.random.Generator) -> Array:
@@ -85,19 +86,3 @@ def _visit(anchor: Array, corridor: float, rng: np.random.Generator) -> list[Arr
     within = [se2.transform(anchor, np.array([p]))[0] for p in (inside, spot, inside)]
     outside = np.array([within[0][0], corridor])
     return [outside, *within, outside]
-
-
-def _anchors() -> Array:
-    """Frames ``(2 ROOMS, 3)`` of the rooms: their door is in the wall at y = DEPTH, to the corridor."""
-    south = [[WIDTH * k, 0.0, 0.0] for k in range(ROOMS)]
-    north = [[WIDTH * (k + 1), 2.0 * DEPTH + CORRIDOR, np.pi] for k in range(ROOMS)]
-    return np.array([*south, *north])
-
-
-def _segments() -> list[tuple[float, float, float, float]]:
-    """Outer walls, those of the corridor, and those between the rooms."""
-    length, across = ROOMS * WIDTH, 2.0 * DEPTH + CORRIDOR
-    sides = [(0.0, y, length, y) for y in (0.0, DEPTH, DEPTH + CORRIDOR, across)]
-    ends = [(x, 0.0, x, across) for x in (0.0, length)]
-    between = [(WIDTH * k, y, WIDTH * k, y + DEPTH) for k in range(1, ROOMS) for y in (0.0, DEPTH + CORRIDOR)]
-    return [*sides, *ends, *between]

@@ -13,14 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.catalogue import office
-from scenarios.catalogue.building import jittered, spread, start
-from scenarios.catalogue.equipment import PIONEER, SICK
-from scenarios.catalogue.furnishing import Area
-from sim.corruption import Effects
-from sim.driver import DriverConfig
-from sim.inertial import ShockConfig
+from scenarios.catalogue.building import Area, jittered, spread, start
 from sim.record import Setup
-from slam.se2 import Array
 
 CLOUDS, RADIUS, EXTINCTION = 5, (2.0, 4.0), (0.1, 0.4)
 """Number, radius [m] and extinction coefficient [1/m] of the clouds on the first drive."""
@@ -30,18 +24,15 @@ BLINDING = 60.0
 """Extinction coefficient there: hardly a beam comes as far as the laser's least range [1/m]."""
 LEDGE = 0.35
 """What the robot falls from in the store [m]."""
-RETURN = 0.03
-"""Share of the scattered beams that come back."""
-SHOCK = ShockConfig(impulse=8.0)
-"""A blow that upsets the INS changes the speed of this lighter robot as much as that of others."""
-DRIVER = DriverConfig(speed=1.1, lookahead=0.7, pause_every=25.0, pause_mean=2.5)
 
 
 def build(rng: np.random.Generator) -> Setup:
     """One office building and two drives through it: doors, furniture and exact routes drawn from ``rng``."""
     door = rng.uniform(9.0, 11.0)
     begin = np.array([office.MIDDLE, rng.uniform(4.0, 6.0)])
-    blind = _through_the_store(door, rng)
+    west, east = STORE.x0 + 1.3, STORE.x1 - 1.3
+    round_the_store = jittered([[west, -1.5], [west, -4.5], [east, -4.5], [east, -1.5]], 0.15, rng)
+    blind = np.array([[door, 1.0], [door, -0.8], *round_the_store, [door, -0.8], [door, 1.0]])
     corner = [office.MIDDLE, office.MIDDLE]
     route = np.array([begin, corner, *office.round_trip(rng), *blind, *office.round_trip(rng)[1:]])
     clouds = [(p, rng.uniform(*RADIUS), rng.uniform(*EXTINCTION)) for p in spread(route, CLOUDS, rng)]
@@ -53,21 +44,4 @@ def build(rng: np.random.Generator) -> Setup:
         smoke=world.smoke and world.smoke.with_polygon(filled, BLINDING),
         terrain=world.terrain.with_ramp(blind[3] + 0.2 * climb, blind[3] + 0.7 * climb, 1.2, LEDGE),
     )
-    return Setup(
-        world,
-        start(route),
-        route,
-        robot=PIONEER,
-        scanner=replace(SICK, effects=Effects(smoke_return=RETURN)),
-        shock=SHOCK,
-        driver=DRIVER,
-        scan_interval=0.35,
-    )
-
-
-def _through_the_store(door: float, rng: np.random.Generator) -> Array:
-    """In by the door, round the store and out again: waypoints ``(K, 2)`` m."""
-    west, east = STORE.x0 + 1.3, STORE.x1 - 1.3
-    corners = [[west, -1.5], [west, -4.5], [east, -4.5], [east, -1.5]]
-    inside = jittered(corners, 0.15, rng)
-    return np.array([[door, 1.0], [door, -0.8], *inside, [door, -0.8], [door, 1.0]])
+    return Setup(world, start(route), route)

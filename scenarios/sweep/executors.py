@@ -1,48 +1,33 @@
-"""Where jobs are done: in this process, in processes of this machine, or by the workers of a Dask cluster.
-
-`concurrent.futures.ProcessPoolExecutor` gives up every job when one process is killed, and the executor of a
-Dask client fetches every result to this machine; these keep the other jobs, and the results where they are.
-"""
+"""Where jobs are done: in this process, or by Dask workers, of this machine or of a cluster."""
 
 from __future__ import annotations
 
-import abc
 import contextlib
 import logging
-import multiprocessing
-import os
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
-from multiprocessing.connection import Connection
+from concurrent.futures import CancelledError, Future
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from scenarios.sweep.attempt import OtherCodeError
+from scenarios.sweep.trial import OtherCodeError
 from scenarios.sweep.version import code_version
 from slam.cli import InputError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, LocalCluster
 
 SCHEDULER_TIMEOUT_S = 6.0
 """Seconds that a scheduler has to answer."""
 POLL_S = 1.0
 """Seconds after which connection and workers are looked at again."""
-MAX_DEATHS = 4
-"""Workers that may die of a job before it has failed: as many as Dask allows."""
-MAX_START_ATTEMPTS = 20
-"""Processes that may die as they start, one after the other, before there is no use in starting more."""
-SINGLE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+PRELOAD = __name__
+"""Module whose `dask_setup` prepares every worker of this machine."""
 
 
 class WorkersDiedError(Exception):
     """Worker after worker died of a job; the message says how many."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(f"{number} workers died of it: killed, or out of memory")
 
 
 class SchedulerLostError(Exception):
@@ -50,214 +35,97 @@ class SchedulerLostError(Exception):
 
 
 @contextlib.contextmanager
-def executor_for(scheduler: str | None, workers: int, say: Callable[[str], None]) -> Iterator[Executor]:
+def executor_for(scheduler: str | None, workers: int, say: Callable[[str], None]) -> Iterator[Any]:
     """The workers of a running ``scheduler``; without one so many processes of this machine, each with one
     thread, 0 for one per core; a single one is this process. ``say`` tells that workers are waited for.
 
-    Raises `InputError` where no scheduler answers.
+    Raises `InputError` where no scheduler answers, or where workers die as they start.
     """
-    if scheduler is not None:
-        with _client(scheduler) as client:
-            yield DaskExecutor(client, scheduler, say)
-    elif workers == 1:
+    if scheduler is None and workers == 1:
         yield SerialExecutor()
+        return
+    _silence()
+    if scheduler is None:
+        with _local_cluster(workers) as cluster, cluster.get_client() as client:
+            yield DaskExecutor(client, "this machine", lambda words: None)
     else:
-        with contextlib.closing(ProcessExecutor(workers or _cores())) as executor:
-            yield executor
+        with _connected(scheduler) as client:
+            yield DaskExecutor(client, scheduler, say)
 
 
-class Executor(abc.ABC):
-    """Does jobs, which are futures; one among the arguments of another stands for its result."""
+def _local_cluster(workers: int) -> LocalCluster:
+    """Worker processes with one thread each; one that dies is replaced, all end with this process."""
+    from distributed import LocalCluster
 
-    name = "this machine"
-
-    @abc.abstractmethod
-    def capacity(self) -> int:
-        """How many jobs are done at a time. Raises `SchedulerLostError`."""
-
-    @abc.abstractmethod
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        """Begin a job and return its future. Raises `SchedulerLostError`."""
-
-    def require_connection(self) -> None:  # noqa: B027
-        """Raises `SchedulerLostError` where there is none any more."""
-
-    def check(self, job: Any) -> None:
-        """Raises for a job that did not end well, as `result` does, without fetching its result."""
-        with self._translated_errors():
-            if (error := job.exception()) is not None:
-                raise error
-
-    def result(self, job: Any) -> Any:
-        """What a job that has ended came to.
-
-        Raises `WorkersDiedError`, `SchedulerLostError`, and `InputError` where no worker can do a job.
-        """
-        with self._translated_errors():
-            return job.result()
-
-    @contextlib.contextmanager
-    def _translated_errors(self) -> Iterator[None]:
-        """What went wrong around a job; what a trial raises is never among it, but part of its outcome."""
-        try:
-            yield
-        except (WorkersDiedError, SchedulerLostError, InputError, TimeoutError):
-            raise
-        except OtherCodeError as error:
-            raise InputError(self._other_code(str(error))) from error
-        except Exception as error:
-            message = f"{type(error).__name__}: {error}"
-            raise InputError(f"the workers of {self.name} cannot run trials: {message}") from error
-
-    def _other_code(self, theirs: str) -> str:
-        return f"the code was edited while the sweep was at work: it was {code_version()}, now {theirs}"
+    try:
+        return LocalCluster(
+            n_workers=workers or None,
+            threads_per_worker=1,
+            memory_limit=0,
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+            silence_logs=logging.CRITICAL + 1,
+            env={"NUMBA_NUM_THREADS": "1"},  # Dask says the same to OpenMP, OpenBLAS and MKL
+            preload=PRELOAD,
+        )
+    except RuntimeError as error:
+        raise InputError(f"workers die as they start: {error.__cause__ or error}") from error
 
 
-class SerialExecutor(Executor):
-    """This process, one job after the other, each as it is submitted."""
+def _connected(scheduler: str) -> Client:
+    """A client of a running scheduler. Raises `InputError` where none answers."""
+    import asyncio
+
+    from distributed import Client
+    from distributed.comm import connect
+    from distributed.security import Security
+
+    async def answer() -> None:
+        """A client would wait for a mute server for ever."""
+        security = Security().get_connection_args("client")
+        comm = await connect(scheduler, timeout=SCHEDULER_TIMEOUT_S, **security)
+        await comm.close()
+
+    try:
+        asyncio.run(asyncio.wait_for(answer(), SCHEDULER_TIMEOUT_S))
+        return Client(scheduler, timeout=SCHEDULER_TIMEOUT_S, set_as_default=False)
+    except Exception as error:  # whoever listens there may answer anything
+        expected = f"expected a Dask scheduler, none answered within {SCHEDULER_TIMEOUT_S:.0f} s"
+        raise InputError(f"--scheduler {scheduler}: {expected}") from error
+
+
+def dask_setup(worker: object) -> None:
+    """Called in every worker of this machine: Ctrl-C is for the sweep, which ends its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _silence() -> None:
+    """Outcomes tell what happens to workers, not pages of log."""
+    for name in list(logging.root.manager.loggerDict):
+        if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+
+class SerialExecutor:
+    """This process, one job after the other, each as it is submitted; a job is a future, as with Dask."""
 
     def capacity(self) -> int:
         """One job at a time."""
         return 1
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Do it now."""
+        """Do it now; a future among the arguments stands for its result."""
         job: Future[Any] = Future()
-        job.set_result(work(*map(_value, arguments)))
+        job.set_result(work(*(a.result() if isinstance(a, Future) else a for a in arguments)))
         return job
 
-
-class ProcessExecutor(Executor):
-    """``number`` processes of this machine, a thread for each. One that dies is replaced and its job tried
-    again."""
-
-    def __init__(self, number: int) -> None:
-        self.number = number
-        self.threads = ThreadPoolExecutor(number)
-        self.thread = threading.local()
-        self.processes: list[multiprocessing.process.BaseProcess] = []
-        self.closed = False
-        self.lock = threading.Lock()  # nothing is started once it is closed
-
-    def capacity(self) -> int:
-        """One job per process."""
-        return self.number
-
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Let one of the threads have it done."""
-        return self.threads.submit(self._run, work, arguments)
-
-    def close(self) -> None:
-        """End the processes, whatever they are doing."""
-        with self.lock:
-            self.closed = True
-        for process in self.processes:
-            process.kill()
-            process.join()
-        self.threads.shutdown(cancel_futures=True)
-
-    def _run(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        job = work, tuple(map(_value, arguments))
-        for _ in range(MAX_DEATHS):
-            connection = self._connection()
-            with contextlib.suppress(EOFError, ConnectionError):  # the process has died
-                connection.send(job)
-                result, error = connection.recv()
-                if error is not None:
-                    raise error
-                return result
-            self.thread.connection = None
-        raise WorkersDiedError(MAX_DEATHS)
-
-    def _connection(self) -> Connection:
-        """To the process of this thread, which is started where there is none."""
-        if (connection := getattr(self.thread, "connection", None)) is not None:
-            return connection
-        context = multiprocessing.get_context("spawn")
-        for _ in range(MAX_START_ATTEMPTS):
-            ours, theirs = context.Pipe()
-            process = context.Process(target=serve, args=(theirs,), daemon=True)
-            with self.lock:
-                if self.closed:
-                    raise CancelledError
-                process.start()
-                self.processes.append(process)
-            theirs.close()
-            with contextlib.suppress(EOFError, ConnectionError):  # it died as it started
-                ours.recv()
-                self.thread.connection = ours
-                return ours
-            process.join()
-        raise InputError(f"workers die as they start, the last with exit code {process.exitcode}")
+    def result(self, job: Future[Any]) -> Any:
+        """What a job came to."""
+        return job.result()
 
 
-def serve(connection: Connection) -> None:
-    """A worker process: do the jobs that come, with libraries on one thread, until the sweep is gone."""
-    os.environ.update(dict.fromkeys(SINGLE_THREAD, "1"))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the sweep, which ends its workers
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    connection.send(None)
-    while True:
-        try:
-            work, arguments = connection.recv()
-            connection.send((work(*arguments), None))
-        except EOFError:
-            return
-        except Exception as error:
-            connection.send((None, error))
-
-
-def _end_with_parent() -> None:
-    """Leave at once, whatever is being computed, when the sweep's process is gone."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(0)
-
-
-def _value(argument: Any) -> Any:
-    return argument.result() if isinstance(argument, Future) else argument
-
-
-def _cores() -> int:
-    from dask.system import CPU_COUNT  # what a container may use of them
-
-    return CPU_COUNT
-
-
-@contextlib.contextmanager
-def _client(scheduler: str) -> Iterator[Client]:
-    import asyncio
-
-    from distributed import Client
-
-    for name in list(
-        logging.root.manager.loggerDict
-    ):  # outcomes tell what happens to workers, not pages of log
-        if name.split(".")[0] in ("distributed", "tornado", "asyncio"):
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    try:
-        asyncio.run(asyncio.wait_for(_connect(scheduler), SCHEDULER_TIMEOUT_S))
-        client = Client(scheduler, timeout=SCHEDULER_TIMEOUT_S, set_as_default=False)
-    except Exception as error:  # whoever listens there may answer anything
-        expected = f"expected a Dask scheduler, none answered within {SCHEDULER_TIMEOUT_S:.0f} s"
-        raise InputError(f"--scheduler {scheduler}: {expected}") from error
-    with client:
-        yield client
-
-
-async def _connect(scheduler: str) -> None:
-    """See whether a Dask server answers: a client would wait for a mute one for ever."""
-    from distributed.comm import connect
-    from distributed.security import Security
-
-    timeout = SCHEDULER_TIMEOUT_S
-    comm = await connect(scheduler, timeout=timeout, **Security().get_connection_args("client"))
-    await comm.close()
-
-
-class DaskExecutor(Executor):
-    """The workers of a Dask cluster; results stay with them until they are asked for."""
+class DaskExecutor:
+    """Dask workers; results stay with them until they are asked for."""
 
     def __init__(self, client: Client, name: str, say: Callable[[str], None]) -> None:
         self.client = client
@@ -266,7 +134,9 @@ class DaskExecutor(Executor):
         self.counted = (-POLL_S, -1)
 
     def capacity(self) -> int:
-        """Threads of all workers that there are just now."""
+        """Threads of all workers that there are just now. Raises `SchedulerLostError`."""
+        if self.client.status != "running":
+            raise SchedulerLostError(f"{self.name} is gone")
         when, threads = self.counted
         if time.monotonic() - when >= POLL_S:
             with self._translated_errors():
@@ -277,39 +147,45 @@ class DaskExecutor(Executor):
         return threads
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        """Begin a job on a worker that is free."""
+        """Begin a job and return its future; one among the arguments stands for its result.
+
+        Raises `SchedulerLostError`.
+        """
         with self._translated_errors():
             return self.client.submit(work, *arguments, key=f"{work.__name__}-{uuid4().hex}", pure=False)
 
-    def require_connection(self) -> None:
-        if self.client.status != "running":
-            raise SchedulerLostError(f"{self.name} is gone")
-
     def result(self, job: Any) -> Any:
-        """What it came to; where its worker died before it was fetched, once it is done again."""
+        """What a job that has ended came to; where its worker died before that was fetched, once it is done
+        again.
+
+        Raises `WorkersDiedError`, `SchedulerLostError`, and `InputError` where no worker can do a job.
+        """
         timeout = POLL_S
         while True:
             try:
                 with self._translated_errors():
                     return job.result(timeout=timeout)
             except TimeoutError:
-                self.require_connection()
+                self.capacity()
                 timeout *= 2.0
 
     @contextlib.contextmanager
     def _translated_errors(self) -> Iterator[None]:
+        """What went wrong around a job; what a trial raises is never among it, but part of its outcome."""
         from distributed import KilledWorker
 
-        with super()._translated_errors():
-            try:
-                yield
-            except TimeoutError:
-                raise
-            except KilledWorker as error:
-                raise WorkersDiedError(error.allowed_failures + 1) from error
-            except (OSError, CancelledError) as error:
-                raise SchedulerLostError(f"{self.name} is gone") from error
-
-    def _other_code(self, theirs: str) -> str:
-        ours = f"this is {code_version()}: expected the same on all machines"
-        return f"a worker of {self.name} runs slamstitch {theirs}, {ours}"
+        try:
+            yield
+        except TimeoutError:
+            raise
+        except KilledWorker as error:
+            number = error.allowed_failures + 1
+            raise WorkersDiedError(f"{number} workers died of it: killed, or out of memory") from error
+        except (OSError, CancelledError) as error:
+            raise SchedulerLostError(f"{self.name} is gone") from error
+        except OtherCodeError as error:
+            ours = f"this is {code_version()}: expected the same everywhere, and no edit during a sweep"
+            raise InputError(f"a worker of {self.name} runs slamstitch {error}, {ours}") from error
+        except Exception as error:
+            message = f"{type(error).__name__}: {error}"
+            raise InputError(f"the workers of {self.name} cannot run trials: {message}") from error

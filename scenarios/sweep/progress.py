@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager
 
 QUIET_S = 30.0
@@ -12,16 +12,17 @@ QUIET_S = 30.0
 
 
 class Progress:
-    """Counts trials: so many of ``total`` (None: nobody knows) were answered before, ran, and failed."""
+    """Counts trials: so many of ``total`` (None: nobody knows) were answered before, ran, and failed.
+
+    ``show`` is called with it as a trial ends, ``say`` with whatever else is to be told.
+    """
 
     def __init__(
         self, total: int | None, show: Callable[[Progress], None], say: Callable[[str], None]
     ) -> None:
-        self.total = total
+        self.total, self.show, self.say = total, show, say
         self.reused = self.ran = self.failed = 0
         self.started = time.monotonic()
-        self.show = show
-        self.say = say
 
     @property
     def done(self) -> int:
@@ -40,8 +41,8 @@ class Progress:
         parts = [f"{self.done}{of} trials"]
         if self.failed:
             parts.append(f"{self.failed} failed")
-        seconds = time.monotonic() - self.started
         if self.ran:
+            seconds = time.monotonic() - self.started
             rate = self.ran / max(seconds, 1e-3)
             parts.append(f"{rate:.1f}/s" if rate >= 1.0 else f"{60.0 * rate:.1f}/min")
             if self.total is not None:
@@ -57,10 +58,20 @@ def _span(seconds: float) -> str:
 
 
 @contextmanager
-def showing(name: str, total: int | None) -> Iterator[Progress]:
-    """Progress of a study by name."""
+def showing(name: str, trials: Iterable[object]) -> Iterator[Progress]:
+    """Progress of a study by name, towards as many trials as are known to come."""
+    total = len(trials) if isinstance(trials, Sized) else None
     if not sys.stderr.isatty():
-        yield _plain(name, total)
+        last = time.monotonic()
+
+        def print_now_and_then(progress: Progress) -> None:
+            nonlocal last
+            if time.monotonic() - last >= QUIET_S:
+                last = time.monotonic()
+                progress.say(progress.words())
+
+        say = lambda words: print(f"{name}: {words}", file=sys.stderr, flush=True)  # noqa: E731
+        yield Progress(total, print_now_and_then, say)
         return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
@@ -74,19 +85,3 @@ def showing(name: str, total: int | None) -> Iterator[Progress]:
             bars.update(bar, completed=progress.done, description=progress.words())
 
         yield Progress(total, show, lambda words: bars.print(f"{name}: {words}"))
-
-
-def _plain(name: str, total: int | None) -> Progress:
-    """A line every now and then, for logs."""
-    last = time.monotonic()
-
-    def show(progress: Progress) -> None:
-        nonlocal last
-        if time.monotonic() - last >= QUIET_S:
-            last = time.monotonic()
-            say(progress.words())
-
-    def say(words: str) -> None:
-        print(f"{name}: {words}", file=sys.stderr, flush=True)
-
-    return Progress(total, show, say)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import csv
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from statistics import fmean
 from typing import TypeAlias
 
-from scenarios.sweep.attempt import Prepare, RunTrial
 from scenarios.sweep.executors import SchedulerLostError, executor_for
 from scenarios.sweep.progress import Progress, showing
 from scenarios.sweep.scheduler import Numbered, TrialScheduler
 from scenarios.sweep.store import Store, opened
-from scenarios.sweep.trial import Answer, Failure, Outcome, Trial
+from scenarios.sweep.trial import Answer, Failure, Outcome, Prepare, RunTrial, Trial
 from slam.cli import InputError
 
 OnResult: TypeAlias = Callable[[Trial, Answer | Failure], None]
@@ -40,38 +39,12 @@ class SweepResult:
     @property
     def answered(self) -> list[tuple[Trial, Answer]]:
         """Trials that have an answer, with it."""
-        both = zip(self.trials, self.answers, strict=True)
-        return [(trial, result) for trial, result in both if isinstance(result, Answer)]
+        return [(t, r) for t, r in zip(self.trials, self.answers, strict=True) if isinstance(r, Answer)]
 
     @property
     def failed(self) -> list[tuple[Trial, Failure]]:
         """Trials that have none, with the reason."""
-        both = zip(self.trials, self.answers, strict=True)
-        return [(trial, result) for trial, result in both if isinstance(result, Failure)]
-
-
-class ResultLog:
-    """Outcomes by the trials' numbers; ``each`` is called for a trial as soon as all before it are known."""
-
-    def __init__(self, each: OnResult | None) -> None:
-        self.each = each
-        self.trials: list[Trial] = []
-        self.outcomes: list[Outcome | None] = []
-        self.reported = 0
-
-    def enter(self, trial: Trial) -> int:
-        """Note a trial that is next in the order, and return its number."""
-        self.trials.append(trial)
-        self.outcomes.append(None)
-        return len(self.trials) - 1
-
-    def put(self, number: int, outcome: Outcome) -> None:
-        """Note how a trial ended."""
-        self.outcomes[number] = outcome
-        while self.reported < len(self.outcomes) and (known := self.outcomes[self.reported]) is not None:
-            if self.each is not None:
-                self.each(self.trials[self.reported], known.result)
-            self.reported += 1
+        return [(t, r) for t, r in zip(self.trials, self.answers, strict=True) if isinstance(r, Failure)]
 
 
 def sweep(
@@ -99,42 +72,52 @@ def sweep(
     first = next(drawn, None)
     if first is None:
         return SweepResult((), (), 0, 0)
-    log = ResultLog(each)
-    total = len(trials) if isinstance(trials, Sized) else None
-    with opened(store, fresh) as held, showing(first.study, total) as progress:
+    log = _Log(each)
+    with opened(store, fresh) as held, showing(first.study, trials) as progress:
         left = _unanswered(chain([first], drawn), held, log, progress)
         begun = next(left, None)
         if begun is not None:  # a finished sweep needs no cluster
             with executor_for(scheduler, workers, progress.say) as executor:
-                jobs = TrialScheduler(chain([begun], left), executor, run_trial, prepare)
-                _run(jobs, held, log, progress)
-    outcomes = tuple(outcome for outcome in log.outcomes if outcome is not None)
+                try:
+                    jobs = TrialScheduler(chain([begun], left), executor, run_trial, prepare)
+                    for (number, trial), outcome in jobs.outcomes():
+                        held.keep(trial, outcome)
+                        progress.finished(outcome.failed)
+                        log.put(number, outcome)
+                except SchedulerLostError as error:
+                    raise InputError(f"{error}; {held.kept}") from error
+    outcomes = tuple(log.outcomes[number] for number in range(len(log.trials)))
     return SweepResult(tuple(log.trials), outcomes, progress.ran, progress.reused)
 
 
-def _unanswered(
-    trials: Iterable[Trial], store: Store, log: ResultLog, progress: Progress
-) -> Iterator[Numbered]:
+class _Log:
+    """Outcomes by the trials' numbers; ``each`` is called for a trial as soon as all before it are known."""
+
+    def __init__(self, each: OnResult | None) -> None:
+        self.each = each
+        self.trials: list[Trial] = []
+        self.outcomes: dict[int, Outcome] = {}
+        self.reported = 0
+
+    def put(self, number: int, outcome: Outcome) -> None:
+        """Note how a trial ended."""
+        self.outcomes[number] = outcome
+        while self.reported in self.outcomes:
+            if self.each is not None:
+                self.each(self.trials[self.reported], self.outcomes[self.reported].result)
+            self.reported += 1
+
+
+def _unanswered(trials: Iterable[Trial], store: Store, log: _Log, progress: Progress) -> Iterator[Numbered]:
     """Trials that the store has no answer to, numbered; the others are in the log."""
-    for trial in trials:
-        number = log.enter(trial)
+    for number, trial in enumerate(trials):
+        log.trials.append(trial)
         outcome = store.find(trial)
         if outcome is None:
             yield number, trial
         else:
             progress.reused += 1
             log.put(number, outcome)
-
-
-def _run(jobs: TrialScheduler, store: Store, log: ResultLog, progress: Progress) -> None:
-    """Keep every outcome as it comes. Raises `InputError` when the scheduler is lost on the way."""
-    try:
-        for (number, trial), outcome in jobs.outcomes():
-            store.keep(trial, outcome)
-            progress.finished(outcome.failed)
-            log.put(number, outcome)
-    except SchedulerLostError as error:
-        raise InputError(f"{error}; {store.kept}") from error
 
 
 def check(scheduler: str | None, workers: int, out: Path) -> None:
@@ -173,28 +156,23 @@ def finish(result: SweepResult, store: Path | None) -> None:
 
 
 def summary_lines(result: SweepResult, store: Path | None) -> list[str]:
-    """How many trials ran, what they cost, how many failed and where to look."""
-    before = f", {result.reused} were answered before" if result.reused else ""
-    lines = [f"{result.ran} trials ran{before}", *_costs(result)]
-    if result.failed:
-        trial, failure = result.failed[0]
-        lines.append(
-            f"{len(result.failed)} of {len(result.trials)} trials failed, "
-            f"the first: {trial.name}: {failure.line}"
-        )
-        if store is not None:
-            lines.append(f"python -m scenarios.sweep {store} shows them; the same command tries them again")
-    return lines
-
-
-def _costs(result: SweepResult) -> list[str]:
-    """Mean wall time of a trial by method, and of preparing a drive."""
+    """How many trials ran, mean wall time by method and of preparing a drive, how many failed and where to
+    look."""
     by_method: dict[str, list[float]] = {}
-    drives: dict[tuple[str, int], float] = {}
     for trial, outcome in zip(result.trials, result.outcomes, strict=True):
         by_method.setdefault(trial.method, []).append(outcome.seconds)
-        drives[trial.drive] = outcome.preparing
+    drives = {t.drive: outcome.preparing for t, outcome in zip(result.trials, result.outcomes, strict=True)}
     costs = [f"{name} {fmean(seconds):.3g}" for name, seconds in by_method.items()]
     if any(drives.values()):
         costs.append(f"preparing a drive {fmean(drives.values()):.3g}")
-    return [f"seconds per trial: {', '.join(costs)}"] if costs else []
+    before = f", {result.reused} were answered before" if result.reused else ""
+    lines = [f"{result.ran} trials ran{before}"]
+    if costs:
+        lines.append(f"seconds per trial: {', '.join(costs)}")
+    if result.failed:
+        trial, failure = result.failed[0]
+        count = f"{len(result.failed)} of {len(result.trials)} trials failed"
+        lines.append(f"{count}, the first: {trial.name}: {failure.line}")
+        if store is not None:
+            lines.append(f"python -m scenarios.sweep {store} shows them; the same command tries them again")
+    return lines

@@ -102,7 +102,11 @@ def _connected(path: Path | None, fresh: bool) -> sqlite3.Connection:
             path.parent.mkdir(parents=True, exist_ok=True)
         connection = sqlite3.connect(path or ":memory:", timeout=0.0)
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")  # until it is closed, or its process is gone
-        _claim(connection, path)
+        mark = connection.execute("PRAGMA application_id").fetchone()[0]
+        tables = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+        if mark not in (0, APPLICATION) or (mark == 0 and tables > 0):  # before anything is changed in it
+            raise InputError(f"{path}: expected a file made by a sweep, found another SQLite file")
+        connection.execute(f"PRAGMA application_id = {APPLICATION}")
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")
         with connection:
@@ -110,7 +114,12 @@ def _connected(path: Path | None, fresh: bool) -> sqlite3.Connection:
             connection.execute(TABLE)
             if fresh:
                 connection.execute("DELETE FROM trial")
-        _same_code(connection, path)
+        query, ours = "SELECT version FROM trial WHERE version <> ?", code_version()
+        if (other := connection.execute(query, (ours,)).fetchone()) is not None:
+            raise InputError(
+                f"{path}: made by slamstitch {other[0]}, this is {ours}: "
+                "expected another --out, or --fresh to run everything again"
+            )
     except (sqlite3.Error, OSError, InputError) as error:
         if connection is not None:
             connection.close()
@@ -118,26 +127,6 @@ def _connected(path: Path | None, fresh: bool) -> sqlite3.Connection:
             raise
         raise InputError(f"{path}: {_complaint(error)}") from error
     return connection
-
-
-def _claim(connection: sqlite3.Connection, path: Path | None) -> None:
-    """Refuse somebody else's file before anything is changed in it."""
-    mark = connection.execute("PRAGMA application_id").fetchone()[0]
-    tables = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
-    if mark == 0 and tables == 0:
-        connection.execute(f"PRAGMA application_id = {APPLICATION}")
-    elif mark != APPLICATION:
-        raise InputError(f"{path}: expected a file made by a sweep, found another SQLite file")
-
-
-def _same_code(connection: sqlite3.Connection, path: Path | None) -> None:
-    ours = code_version()
-    other = connection.execute("SELECT version FROM trial WHERE version <> ?", (ours,)).fetchone()
-    if other is not None:
-        raise InputError(
-            f"{path}: made by slamstitch {other[0]}, this is {ours}: "
-            "expected another --out, or --fresh to run everything again"
-        )
 
 
 def _complaint(error: Exception) -> str:
@@ -159,26 +148,16 @@ def contents(path: Path) -> Iterator[str]:
     address = f"{path.resolve().as_uri()}?mode=ro"
     try:
         with contextlib.closing(sqlite3.connect(address, uri=True, timeout=0.0)) as file:
-            yield from _counts(file)
-            yield from _tracebacks(file)
+            for study, method, version, count, failed, seconds in file.execute(
+                "SELECT study, method, version, count(*), sum(traceback IS NOT NULL), avg(seconds) "
+                "FROM trial GROUP BY study, method, version ORDER BY study, method, version"
+            ):
+                counts = f"{count - failed} answered, {failed} failed"
+                yield f"{study} {method}: {counts}, {seconds:.3g} s per trial ({version})"
+            for *trial, traceback in file.execute(
+                "SELECT study, scenario, seed, method, traceback FROM trial WHERE traceback IS NOT NULL "
+                "ORDER BY study, scenario, seed, method"
+            ):
+                yield f"\n{' '.join(map(str, trial))}\n{traceback.rstrip()}"
     except sqlite3.Error as error:
         raise InputError(f"{path}: {_complaint(error)}") from error
-
-
-def _counts(file: sqlite3.Connection) -> Iterator[str]:
-    groups = file.execute(
-        "SELECT study, method, version, count(*), sum(traceback IS NOT NULL), avg(seconds) FROM trial "
-        "GROUP BY study, method, version ORDER BY study, method, version"
-    )
-    for study, method, version, count, failed, seconds in groups:
-        counts = f"{count - failed} answered, {failed} failed"
-        yield f"{study} {method}: {counts}, {seconds:.3g} s per trial ({version})"
-
-
-def _tracebacks(file: sqlite3.Connection) -> Iterator[str]:
-    failures = file.execute(
-        "SELECT study, scenario, seed, method, traceback FROM trial WHERE traceback IS NOT NULL "
-        "ORDER BY study, scenario, seed, method"
-    )
-    for study, scenario, seed, method, traceback in failures:
-        yield f"\n{study} {scenario} {seed} {method}\n{traceback.rstrip()}"

@@ -8,8 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PACKAGES = ("scenarios", "sim", "slam", "stitch")
-KINDS = (".py", ".npz", ".npy")
-"""Code, and what was learnt and is read by it."""
+KINDS = (".py", ".npz", ".npy", ".yaml")
+"""Code, and what was learnt or written down and is read by it."""
 SHOWS_ONLY = (
     "scenarios/bench/",
     "scenarios/report/",
@@ -28,7 +28,11 @@ def code_version() -> str:
     The hash is over the source files themselves, so that it is the same in a checkout, in a wheel and on
     another machine, and another one as soon as a line is edited that a trial could run.
     """
-    return f"{_distribution()}+{_hash(Path(__file__).resolve().parents[2])[:12]}"
+    try:
+        distribution = version("slamstitch")
+    except PackageNotFoundError:
+        distribution = "0"
+    return f"{distribution}+{_hash(Path(__file__).resolve().parents[2])[:12]}"
 
 
 def sources(root: Path) -> list[Path]:
@@ -45,10 +49,3 @@ def _hash(root: Path) -> str:
         digest.update(f"{path.as_posix()}\0{len(content)}\0".encode())
         digest.update(content)
     return digest.hexdigest()
-
-
-def _distribution() -> str:
-    try:
-        return version("slamstitch")
-    except PackageNotFoundError:
-        return "0"

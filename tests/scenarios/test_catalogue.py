@@ -163,7 +163,7 @@ def test_smoke_blinds_the_laser_between_the_two_drives_and_nowhere_else_for_as_l
         name: str = "two_drives"
 
         def build(self, rng):
-            setup = two_drives.build(rng)
+            setup = CATALOGUE["two_drives"].build(rng)
             store = two_drives.STORE
             x, y = setup.waypoints.T
             within = (x > store.x0) & (x < store.x1) & (y > store.y0) & (y < store.y1)

@@ -148,20 +148,22 @@ def test_whoever_kills_its_workers_is_recorded_and_the_others_go_on(toy: ModuleT
 
 
 def test_workers_that_die_as_they_start_end_the_sweep(
-    toy: ModuleType, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A function that no process survives is served."""
-    monkeypatch.setattr(executors, "serve", sys.exit)
-    monkeypatch.setattr(executors, "MAX_START_ATTEMPTS", 3)
-    with pytest.raises(InputError, match="workers die as they start, the last with exit code 1"):
+    """What prepares a worker ends its process instead."""
+    (tmp_path / "deadly.py").write_text("import os; os._exit(1)")
+    monkeypatch.setattr(executors, "PRELOAD", str(tmp_path / "deadly.py"))
+    with pytest.raises(InputError, match="workers die as they start"):
         sweep(toy.trials(3), toy.answer, None, workers=2)
 
 
-def test_a_worker_has_one_thread_and_says_what_it_cannot_return(toy: ModuleType) -> None:
-    with pytest.raises(InputError, match=r"cannot run trials: .*pickle"):
-        sweep(toy.trials(1), toy.answer, None, prepare=toy.unpicklable, workers=2)
+def test_a_worker_has_one_thread_and_functions_that_cannot_be_sent_are_refused(toy: ModuleType) -> None:
+    """The threads of numpy are limited before it is loaded: when the process starts."""
+    with pytest.raises(InputError, match=r"cannot run trials: .*serialize"):
+        sweep(toy.trials(1), toy.answer, None, prepare=toy.unpicklable(), workers=2)
     alone = sweep(toy.trials(1), toy.threads, None, workers=2)
-    assert [answer.rows for _, answer in alone.answered] == [[{"threads": "1", "numpy": False}]] * 2
+    limits = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    assert [answer.rows for _, answer in alone.answered] == [[limits | {"at start": True}]] * 2
 
 
 def test_workers_of_a_killed_sweep_do_not_outlive_it(toy: ModuleType, tmp_path: Path) -> None:
@@ -174,7 +176,7 @@ def test_workers_of_a_killed_sweep_do_not_outlive_it(toy: ModuleType, tmp_path: 
         "go = lambda o: sweep(trials, toy.answer, None, prepare=toy.prepare, workers=2);"
         "sys.exit(cli.main(O, 'toy', go))"
     )
-    ends = {signal.SIGKILL: (-9, ""), signal.SIGINT: (130, "toy: interrupted\n")}
+    ends = {signal.SIGKILL: -9, signal.SIGINT: 130}
     logs = {number: tmp_path / f"log{number}" for number in ends}
     processes = {
         number: subprocess.Popen([sys.executable, "-c", code, str(log)], stderr=subprocess.PIPE, text=True)
@@ -185,8 +187,9 @@ def test_workers_of_a_killed_sweep_do_not_outlive_it(toy: ModuleType, tmp_path: 
         children = _children(process.pid)
         assert sum("spawn_main" in command for command in children.values()) == 2
         process.send_signal(number)
-        assert (process.wait(20.0), process.stderr.read()) == ends[number]  # type: ignore[union-attr]
+        assert process.wait(20.0) == ends[number]
         _wait(lambda pids=tuple(children): not any(Path(f"/proc/{pid}/cmdline").exists() for pid in pids))
+    assert processes[signal.SIGINT].stderr.read() == "toy: interrupted\n"  # type: ignore[union-attr]
 
 
 def _children(parent: int) -> dict[int, str]:

@@ -9,8 +9,10 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from threading import Lock
 
 from scenarios.sweep import Answer, SweepResult, Trial, executors, sweep
 from slam.cli import InputError
@@ -50,13 +52,16 @@ def suicidal(trial: Trial, material: object) -> Answer:
     return answer(trial, material)  # type: ignore[arg-type]
 
 
-def unpicklable(scenario: str, seed: int) -> object:
-    return lambda: None
+def unpicklable() -> Callable[[str, int], object]:
+    """A preparation that holds a lock, which stays on its machine."""
+    return partial(lambda lock, scenario, seed: None, Lock())
 
 
 def threads(trial: Trial, material: object) -> Answer:
-    """What limits the threads of numpy, and whether it was loaded before that was said."""
-    return Answer([{"threads": os.environ["OPENBLAS_NUM_THREADS"], "numpy": "numpy" in sys.modules}])
+    """What limits the threads of a worker, and whether numpy's was said before its process began."""
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
+    at_start = b"OPENBLAS_NUM_THREADS=1" in Path("/proc/self/environ").read_bytes().split(b"\0")
+    return Answer([{name: os.environ[name] for name in names} | {"at start": at_start}])
 
 
 def table(swept: SweepResult) -> list[str]:

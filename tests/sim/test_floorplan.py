@@ -13,11 +13,16 @@ from sim.floorplan import (
     column,
     cupboard,
     desk,
-    outlines,
     stone,
     table,
     wall,
 )
+from sim.terrain import Terrain
+from sim.world import World
+
+
+def outlines(prisms, z):
+    return World(tuple(prisms), Terrain.level([0.0, 0.0], [1.0, 1.0])).outlines(z)
 
 
 def area(prism: Prism) -> float:

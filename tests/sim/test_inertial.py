@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.inertial import InertialConfig, ShockConfig, attitude, dead_reckon, shocks
+from sim.dead_reckoning import InertialConfig, ShockConfig, attitude, ins_poses, shocks
 
 QUIET = InertialConfig(yaw_noise=0.0, position_noise=0.0)
 CONSISTENT = InertialConfig(model="consistent", yaw_noise=0.0, position_noise=0.0)
@@ -15,7 +15,7 @@ TIME = np.arange(4.0)
 
 def reckoned(truth, config, jumps=None, seed=0):
     jumps = np.zeros(len(truth)) if jumps is None else jumps
-    return dead_reckon(truth, np.arange(float(len(truth))), jumps, config, np.random.default_rng(seed))
+    return ins_poses(truth, np.arange(float(len(truth))), jumps, config, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("config", [QUIET, CONSISTENT])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sim.floorplan import Prism, box
-from sim.movers import Debris, Person, Walker
+from sim.physics import Walker
+from sim.world import Debris, Person
 
 FAR = (1e3, 1e3)
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])

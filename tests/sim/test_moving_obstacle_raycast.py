@@ -7,11 +7,9 @@ import pytest
 
 from sim.corruption import Effects
 from sim.floorplan import Prism, box, stone
-from sim.laser import Raycaster, Scanner
-from sim.movers import Debris, Person
-from sim.moving_obstacle_raycast import MovingObstacles
+from sim.laser import MovingObstacles, Raycaster, Scanner
 from sim.terrain import Terrain
-from sim.world import World
+from sim.world import Debris, Person, World
 from slam import se2
 
 LEVEL = Terrain.level([-10.0, -10.0], [10.0, 10.0], 0.5)

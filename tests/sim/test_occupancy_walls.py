@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.floorplan import outlines
+from sim.floorplan import wall_lines, walls_of_map
 from sim.laser import Raycaster
-from sim.occupancy_walls import wall_lines, walls
 from sim.terrain import Terrain
 from sim.world import World
 from slam.mapping.occupancy import Grid
@@ -50,7 +49,8 @@ def building(seed: int, thickness: int) -> np.ndarray:
 @given(st.integers(0, 10_000), st.integers(1, 3))
 def test_wall_cells_lie_on_the_outlines(seed: int, thickness: int) -> None:
     drawn = grid(building(seed, thickness))
-    away = distances(drawn.occupied_points(), outlines(walls(drawn), 0.3)) / RESOLUTION
+    world = World(tuple(walls_of_map(drawn)), Terrain.level(ORIGIN, ORIGIN + 6.0))
+    away = distances(drawn.occupied_points(), world.outlines(0.3)) / RESOLUTION
     assert np.median(away) < 1.0
     assert np.percentile(away, 95) < 2.0
 
@@ -70,7 +70,7 @@ def test_there_is_no_wall_where_nothing_is_drawn(seed: int, thickness: int) -> N
 def test_a_straight_wall_is_one_box_as_thick_as_a_cell() -> None:
     occupied = np.zeros((20, 40), dtype=bool)
     occupied[7, 10:30] = True
-    (only,) = walls(grid(occupied), height=2.0)
+    (only,) = walls_of_map(grid(occupied), height=2.0)
     np.testing.assert_allclose(only.footprint.min(axis=0), ORIGIN + np.array([10, 7]) * RESOLUTION)
     np.testing.assert_allclose(only.footprint.max(axis=0), ORIGIN + np.array([30, 8]) * RESOLUTION)
     assert (only.kind, only.z_hi) == ("wall", 2.0)
@@ -79,13 +79,13 @@ def test_a_straight_wall_is_one_box_as_thick_as_a_cell() -> None:
 def test_a_lone_cell_is_a_post() -> None:
     occupied = np.zeros((5, 5), dtype=bool)
     occupied[2, 3] = True
-    (only,) = walls(grid(occupied))
+    (only,) = walls_of_map(grid(occupied))
     np.testing.assert_allclose(only.footprint.min(axis=0), ORIGIN + np.array([3, 2]) * RESOLUTION)
     np.testing.assert_allclose(only.footprint.max(axis=0), ORIGIN + np.array([4, 3]) * RESOLUTION)
 
 
 def test_nothing_occupied_is_no_walls() -> None:
-    assert walls(grid(np.zeros((5, 5), dtype=bool))) == []
+    assert walls_of_map(grid(np.zeros((5, 5), dtype=bool))) == []
 
 
 @pytest.mark.parametrize("thickness", [1, 3])
@@ -94,7 +94,7 @@ def test_a_laser_in_the_room_measures_to_the_faces_of_the_cells(thickness: int) 
     inside = slice(thickness, -thickness)
     occupied[inside, inside] = False
     drawn = grid(occupied)
-    world = World(tuple(walls(drawn)), Terrain.level(ORIGIN, ORIGIN + 6.0))
+    world = World(tuple(walls_of_map(drawn)), Terrain.level(ORIGIN, ORIGIN + 6.0))
     centre = ORIGIN + 0.5 * RESOLUTION * np.array([101, 61])
     ranges = Raycaster(world).cast([[*centre, 0.0]], np.array([0.0, 0.5, 1.0, 1.5]) * np.pi)[0]
     expected = [50.5 - thickness, 30.5 - thickness, 50.5 - thickness, 30.5 - thickness]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.odometry import OdometryConfig, dead_reckon, slips
+from sim.dead_reckoning import OdometryConfig, slips, wheel_odometry
 
 GAUGE = 0.22
 FIRM = OdometryConfig(slip=0.0, slip_per_tilt=0.0, burst_rate=0.0, skid_ratio=1.5)
@@ -18,7 +18,7 @@ def reckoned(left, right, config=FIRM, tilt=(0.0, 0.0), readings=11, start=(0.0,
     tracks = np.linspace(0.0, 1.0, readings)[:, None] * [left, right]
     time = 0.1 * np.arange(readings)
     tilts = np.tile(np.asarray(tilt, dtype=float), (readings, 1))
-    return dead_reckon(start, tracks, tilts, time, GAUGE, config, np.random.default_rng(seed))
+    return wheel_odometry(start, tracks, tilts, time, GAUGE, config, np.random.default_rng(seed))
 
 
 def test_straight_on():

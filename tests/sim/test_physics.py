@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from sim.floorplan import box, wall
-from sim.movers import Debris, Person
 from sim.physics import GRAVITY, PhysicsWorld
 from sim.robot import Robot, RobotConfig
 from sim.terrain import Terrain
-from sim.world import World
+from sim.world import Debris, Person, World
 
 LEVEL = Terrain.level([-5.0, -5.0], [15.0, 5.0], 0.1)
 DT = 0.01

@@ -12,17 +12,15 @@ import numpy as np
 import pytest
 
 from sim.corruption import Effects
+from sim.dead_reckoning import InertialConfig, OdometryConfig
 from sim.driver import Driver, DriverConfig, resample
 from sim.floorplan import box, wall
-from sim.inertial import InertialConfig
 from sim.laser import Scanner
-from sim.movers import Debris, Person
-from sim.odometry import OdometryConfig
 from sim.record import Setup, drive, simulate
 from sim.robot import RobotConfig
 from sim.smoke import Smoke
 from sim.terrain import Terrain
-from sim.world import World
+from sim.world import Debris, Person, World
 from slam.formats import recording_npz
 
 ROUTE = np.array([[1.0, 1.0], [4.0, 1.0], [4.0, 3.0], [1.0, 3.0], [1.0, 1.3]])
