@@ -1,31 +1,14 @@
-"""What the command says of an alignment: an object for JSON, lines to read, a table of many."""
+"""What the command says of an alignment: an object for JSON, lines to read."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from slam.se2 import Array
-from slam.table import Table, number
 from stitch.alignment.result import NoStitch, Stitch
-from stitch.command.frames import deviations
-
-if TYPE_CHECKING:
-    from stitch.command.map_graph import MapGraph
-
-COLUMNS = (
-    "map",
-    "in the frame of",
-    "verdict",
-    "x [m]",
-    "y [m]",
-    "yaw [°]",
-    "overlap [m²]",
-    "agreement",
-    "margin",
-)
+from stitch.command.maps import deviations
 
 
 def as_json(result: Stitch | NoStitch) -> dict[str, Any]:
@@ -49,25 +32,6 @@ def as_json(result: Stitch | NoStitch) -> dict[str, Any]:
         content["margin"] = margin(result)
     content["alternatives"] = [{"T_a_b": other.T_a_b.tolist(), "score": other.score} for other in others]
     return content | {"belief": None if belief is None else _probability(belief)}
-
-
-def graph_json(graph: MapGraph, names: Sequence[str]) -> dict[str, Any]:
-    """Many maps joined: where each lies in the frame of the first, and every pair that was tried."""
-    joined = len(graph.members) > 1
-    maps = zip(graph.members, graph.poses, graph.covariances, strict=True)
-    return {
-        "accepted": joined,
-        "reason": None if joined else f"no map could be joined to {names[0]}",
-        "maps": [
-            {"map": names[k], "T_first_map": T.tolist(), "std": deviations(T, sigma).tolist()}
-            for k, T, sigma in maps
-        ],
-        "left_out": [name for k, name in enumerate(names) if k not in graph.members],
-        "pairs": [
-            {"a": names[a], "b": names[b], **as_json(result), "used": (a, b) in graph.trusted}
-            for (a, b), result in graph.results.items()
-        ],
-    }
 
 
 def _probability(log_odds: float) -> float:
@@ -106,27 +70,3 @@ def as_text(stitch: Stitch, a: str, b: str) -> str:
     rival = "none" if lead is None else f"{in_words(stitch.alternatives[0].T_a_b)}, margin {lead:.2f}"
     lines.append(f"  runner-up {rival}")
     return "\n".join(lines)
-
-
-def pairs_table(graph: MapGraph, names: Sequence[str]) -> Table:
-    """Every pair of maps tried, given between the maps, with the reasons against as notes."""
-    rows, notes = [], []
-    for (a, b), result in graph.results.items():
-        if isinstance(result, NoStitch):
-            rows.append((names[b], names[a], "no", *[""] * 6))
-            notes.append(f"{names[b]} in {names[a]}: no: {result.reason}")
-            continue
-        trusted = (a, b) in graph.trusted
-        if not trusted:
-            notes.append(f"{names[b]} in {names[a]}: not used: contradicted, or apart from the first map")
-        x, y, yaw = result.T_a_b
-        rows.append(
-            (
-                names[b],
-                names[a],
-                "joined" if trusted else "not used",
-                *(number(x), number(y), number(np.degrees(yaw), 2), number(result.overlap_area, 1)),
-                *(number(result.agreement, 2), number(margin(result), 2)),
-            )
-        )
-    return Table(COLUMNS, rows, names=3, notes=notes)

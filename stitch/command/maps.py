@@ -1,18 +1,26 @@
-"""A ROS map as a submap."""
+"""ROS maps as submaps, read and written; alignments in their frames and in those of the submaps' anchors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from slam import se2
+from slam.cli import InputError
 from slam.formats import FormatError, ros_map
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
+from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
+from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 from stitch.alignment.walls import surfaces
 
+SUFFIXES = (".yaml", ".pgm", ".png")
 MIN_WALLS = 10
 """Occupied cells below which there is nothing to align."""
 MAX_SEARCH = 25_000_000
@@ -59,3 +67,90 @@ def cropped(grid: Grid) -> Grid:
     origin = grid.origin + np.array([left, top]) * grid.resolution
     occupied, free = (np.ascontiguousarray(cells[part]) for cells in (grid.occupied, grid.free))
     return Grid(occupied, free, origin, grid.resolution)
+
+
+def prior_between(a: Submap, b: Submap, T_a_b: Array, sigma: Array) -> Prior:
+    """A guess ``T_a_b (3,)`` of map b in the frame of map a, as a prior between their anchors.
+
+    ``sigma (3,)`` m, m, rad are the standard deviations of its numbers. Raises ``ValueError`` where one is
+    not positive or not finite.
+    """
+    if not (np.all(sigma > 0.0) and np.all(np.isfinite(sigma))):
+        raise ValueError(f"expected three standard deviations > 0, got {' '.join(f'{s:g}' for s in sigma)}")
+    covariance = se2.to_body_covariance(T_a_b, np.diag(sigma**2))
+    T = se2.compose(se2.between(a.anchor, T_a_b), b.anchor)
+    return Prior(T, se2.transport(covariance, se2.inverse(b.anchor)))
+
+
+def between_maps(a: Submap, b: Submap, result: Stitch | NoStitch) -> Stitch | NoStitch:
+    """An alignment between the anchors of two submaps as one between their maps."""
+    if isinstance(result, NoStitch):
+        return replace(result, best=result.best and _moved(a, b, result.best))
+    return replace(
+        result,
+        T_a_b=pose_between_maps(a, b, result.T_a_b),
+        covariance=None if result.covariance is None else se2.transport(result.covariance, b.anchor),
+        alternatives=tuple(_moved(a, b, alternative) for alternative in result.alternatives),
+    )
+
+
+def pose_between_maps(a: Submap, b: Submap, T: Array) -> Array:
+    """Pose ``T (3,)`` of the anchor of b seen from that of a, as one of their maps."""
+    return se2.compose(se2.compose(a.anchor, T), se2.inverse(b.anchor))
+
+
+def _moved(a: Submap, b: Submap, alternative: Alternative) -> Alternative:
+    return replace(alternative, T_a_b=pose_between_maps(a, b, alternative.T_a_b))
+
+
+def deviations(T_a_b: Array, covariance: Array) -> Array:
+    """Standard deviations ``(3,)`` of a pose's x, y and yaw, from its body covariance ``(3, 3)``."""
+    R = np.eye(3)
+    R[:2, :2] = se2.rotation(T_a_b[2])
+    return np.sqrt(np.diag(R @ covariance @ R.T))
+
+
+def output_paths(out: Path) -> list[Path]:
+    """The files NAME.yaml, NAME.pgm and NAME.png of a merged map; ``out`` may be named after one of them."""
+    stem = out.name.removesuffix(out.suffix) if out.suffix in SUFFIXES else out.name
+    return [out.with_name(stem + suffix) for suffix in SUFFIXES]
+
+
+def check_output(out: Path) -> None:
+    """See that the files can be written, without touching anything. Raises `InputError`."""
+    if not out.name or out.is_dir():
+        raise InputError(f"--out {out}: is a folder, expected the name of a map, as in {out / 'merged'}")
+    there = next(folder for folder in out.absolute().parents if os.path.lexists(folder))
+    if not there.is_dir():
+        raise InputError(f"--out {out}: {there} is not a folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"--out {out}: {there} cannot be written")
+
+
+def check_inputs(out: Path, maps: Iterable[Path]) -> None:
+    """See that no map would be overwritten. Raises `InputError`."""
+    written = {path.resolve() for path in output_paths(out)}
+    for path in maps:
+        for file in (path, ros_map.image_of(path)):
+            if file.resolve() in written:
+                raise InputError(f"--out {out}: would overwrite {file}, expected another name")
+
+
+def write_map(out: Path, grid: Grid, yaw: float, picture: bytes) -> list[Path]:
+    """Write all files or none, in a folder that is made where it is missing; returns their paths.
+
+    ``yaw`` rad turns the grid's rows about its origin. Raises `InputError` when the file system does not let
+    us write.
+    """
+    finals = output_paths(out)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=out.parent) as folder:
+            temporary = [Path(folder) / path.name for path in finals]
+            ros_map.write(temporary[0], grid, yaw)
+            temporary[2].write_bytes(picture)
+            for source, final in zip(temporary, finals, strict=True):
+                source.replace(final)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
+    return finals

@@ -150,7 +150,7 @@ def comparison_image(folder: Path, placed: Sequence[tuple[PiecesResult, Array | 
     from matplotlib.image import imread
 
     from scenarios.ablate.annotated_maps import read_map
-    from stitch.command.picture import draw
+    from stitch.command.merge import draw
 
     grids = [read_map(folder / f"part{k}.png", PIECES_RESOLUTION, walls_only=True).grid for k in (1, 2)]
     pictures = [("Formsma's own", (folder / "full.png").read_bytes())]
