@@ -9,7 +9,7 @@ import numpy as np
 from slam.mapping.occupancy import Grid
 from slam.scan import Scan
 from slam.se2 import Array
-from stitch.alignment.config import Checked
+from stitch.alignment.config import Amount, Checked, Count, Positive
 from stitch.alignment.raster import dilated
 
 ROUNDING = 1.0 / 12.0
@@ -20,15 +20,13 @@ ROUNDING = 1.0 / 12.0
 class SurfaceConfig(Checked):
     """How a wall's direction is read off the cells around each of its own."""
 
-    POSITIVE = ("radius", "radius_cells")
-
-    radius: float = 0.3
+    radius: Positive = 0.3
     """Radius [m] of the cells that are read."""
-    radius_cells: tuple[float, float] = (3.0, 12.0)
+    radius_cells: tuple[Positive, Positive] = (3.0, 12.0)
     """Least and largest radius in cells."""
-    min_neighbours: int = 4
+    min_neighbours: Count = 4
     """Cells without which there is no direction."""
-    max_scatter_ratio: float = 0.25
+    max_scatter_ratio: Amount = 0.25
     """Variance across the wall over that along it, above which there is no direction."""
 
 

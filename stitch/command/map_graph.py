@@ -22,17 +22,8 @@ from stitch.command.answer import as_json, margin
 from stitch.command.maps import between_maps, deviations, pose_between_maps
 
 Pair = tuple[int, int]
-COLUMNS = [
-    "map",
-    "in the frame of",
-    "verdict",
-    "x [m]",
-    "y [m]",
-    "yaw [°]",
-    "overlap [m²]",
-    "agreement",
-    "margin",
-]
+COLUMNS = ["map", "in the frame of", "verdict", "x [m]", "y [m]", "yaw [°]"]
+COLUMNS += ["overlap [m²]", "agreement", "margin"]
 MIN_WEIGHT = 0.5
 """Graduated non-convexity leaves weights near 0 or 1: stitches below this are rejected."""
 
