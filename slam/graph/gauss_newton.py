@@ -1,4 +1,4 @@
-"""Least squares over a pose graph: Gauss-Newton steps by a sparse Cholesky factor.
+"""Least squares over a pose graph by Gauss-Newton steps, robust against false loops, and its covariances.
 
 Minimises what `slam.graph.pose_graph.optimise` has gtsam minimise, and ends at the same poses (2e-6 m), in a
 tenth of its time, with graduated non-convexity in a twenty-eighth: 1.7 against 17 ms, 2.1 against 59 ms for
@@ -16,7 +16,15 @@ import numpy as np
 
 from slam import se2
 from slam.graph.cholesky import Factor, Structure
-from slam.graph.pose_graph import ANCHOR_SIGMAS, CAUCHY, PoseGraph
+from slam.graph.pose_graph import (
+    ANCHOR_SIGMAS,
+    CAUCHY,
+    DEFAULT_GNC,
+    GncConfig,
+    PoseGraph,
+    Solution,
+    chi_squared,
+)
 from slam.se2 import Array
 
 ITERATIONS = 20
@@ -112,3 +120,97 @@ class Problem:
         none = (np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)), np.zeros(0))
         ins = none if steps is None else (steps.edges, steps.displacement, steps.variance)
         return edges, ins, (graph.poses[0], np.array(ANCHOR_SIGMAS) ** -2)
+
+
+def solve_gnc(graph: PoseGraph, known: Array | None = None, config: GncConfig = DEFAULT_GNC) -> Solution:
+    """Poses and loop weights by truncated least squares, as `slam.graph.pose_graph.optimise` has gtsam do.
+
+    ``known (L,)``: weights the loops had in an earlier solution. If the least squares with these weights
+    agree with every one of them they are the answer; otherwise all loops are classified from the start. One
+    Gauss-Newton step a round: the weights change little from one to the next. Raises ``ValueError`` where the
+    edges leave a pose undetermined.
+    """
+    problem, loop = Problem.of(graph), graph.loop
+    if known is not None:
+        poses = problem.descend(graph.poses, _edge_weights(loop, known))
+        if np.array_equal(chi_squared(graph, poses)[loop] <= config.limit, known > 0.5):
+            return Solution(poses, np.asarray(known))
+    ones: Array = np.ones(int(loop.sum()))
+    with_all = _solve_from(problem, problem.descend(graph.poses, _edge_weights(loop, ones)), config)
+    if np.all(with_all.weights == 1.0):
+        return with_all
+    with_none = _solve_from(problem, problem.descend(graph.poses, _edge_weights(loop, 0.0 * ones)), config)
+    return min(with_all, with_none, key=lambda solution: truncated_cost(problem, solution, config.limit))
+
+
+def _solve_from(problem: Problem, poses: Array, config: GncConfig) -> Solution:
+    """Poses and weights by graduated non-convexity from ``poses`` on.
+
+    The result depends on them: many false loops make least squares bend the graph until the true ones look
+    false; without any loop the graph has drifted, and a long true one looks false.
+    """
+    graph, loop, limit = problem.graph, problem.graph.loop, config.limit
+    squared = chi_squared(graph, poses)[loop]
+    weights: Array = np.ones(len(squared))
+    worst = np.max(squared, initial=0.0)
+    if 2.0 * worst > limit:
+        mu = min(limit / (2.0 * worst - limit), config.first_mu)
+        for _ in range(config.rounds):
+            weights = truncated_weights(chi_squared(graph, poses)[loop], mu, limit)
+            poses = problem.descend(poses, _edge_weights(loop, weights), iterations=1)
+            if np.all((weights == 0.0) | (weights == 1.0)):
+                break
+            mu *= config.growth
+    return Solution(problem.descend(poses, _edge_weights(loop, weights)), weights)
+
+
+def truncated_cost(problem: Problem, solution: Solution, limit: float) -> float:
+    """Twice the truncated least squares of a solution: its χ², and ``limit`` for every rejected loop."""
+    kept = _edge_weights(problem.graph.loop, solution.weights)
+    return 2.0 * problem.cost(solution.poses, kept) + limit * float(np.sum(1.0 - solution.weights))
+
+
+def truncated_weights(squared: Array, mu: float, limit: float) -> Array:
+    """Weights ``(L,)`` of loops with χ² ``squared (L,)`` in the surrogate of truncated least squares at μ
+    (Yang et al. 2020, eq. 14)."""
+    between = np.sqrt(limit * mu * (mu + 1.0) / np.maximum(squared, 1e-300)) - mu
+    return np.clip(between, 0.0, 1.0)
+
+
+def _edge_weights(loop: np.ndarray, weights: Array) -> Array:
+    edge_weights: Array = np.ones(len(loop))
+    edge_weights[loop] = weights
+    return edge_weights
+
+
+def factor_of(graph: PoseGraph, poses: Array, fixed: np.ndarray | None = None) -> Factor:
+    """Factor of a graph's normal matrix at ``poses (K, 3)``, every edge counting fully.
+
+    Raises ``ValueError`` where the edges leave a pose undetermined.
+    """
+    return Problem.of(graph, fixed).factor(poses, np.ones(len(graph.edges)))[0]
+
+
+def marginals(graph: PoseGraph, solution: Solution) -> Array:
+    """Covariances ``(K, 3, 3)`` in the body frame at a solution, without the loops it switched off.
+
+    Raises ``ValueError`` where the edges leave a pose undetermined.
+    """
+    return factor_of(graph.with_only(solution.weights > 0.5), solution.poses).inverse_blocks()
+
+
+def relative_covariance(
+    factor: Factor, marginal: Array, poses: Array, seen_from: np.ndarray, b: int
+) -> Array:
+    """Covariances ``(n, 3, 3)`` of pose b seen from those of ``poses (K, 3)`` that ``seen_from (n,)`` names.
+
+    They are in the tangent of b; ``factor`` is that of the graph's normal matrix, ``marginal (K, 3, 3)`` its
+    `Factor.inverse_blocks`.
+    """
+    unit: Array = np.zeros((len(poses), 3, 3))
+    unit[b] = np.eye(3)
+    cross = factor.solve(unit)[seen_from]  # of every pose a with b: rows a, columns b
+    A = se2.adjoint(se2.between(poses[b], poses[seen_from]))
+    mixed = A @ cross
+    own = A @ marginal[seen_from] @ np.swapaxes(A, 1, 2)
+    return marginal[b] - mixed - np.swapaxes(mixed, 1, 2) + own

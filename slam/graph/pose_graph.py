@@ -53,10 +53,6 @@ class GncConfig:
 DEFAULT_GNC = GncConfig()
 
 
-def _none() -> np.ndarray:
-    return np.zeros(0, dtype=bool)
-
-
 @dataclass(frozen=True)
 class WorldSteps:
     """Position increments of an INS in its own world frame: ``t_j − t_i = displacement``, whatever the
@@ -72,7 +68,7 @@ class WorldSteps:
 
 @dataclass(frozen=True)
 class PoseGraph:
-    """Poses ``(K, 3)`` and E relative poses between them.
+    """Poses ``(K, 3)`` and E relative poses between them, by default none.
 
     ``edges (E, 2)`` indices i, j into ``poses``; ``T_ij (E, 3)``; ``information (E, 3, 3)`` in the
     tangent of j, positive semi-definite, singular where a direction is unknown; ``loop (E,)`` True for
@@ -82,12 +78,12 @@ class PoseGraph:
     """
 
     poses: Array
-    edges: np.ndarray
-    T_ij: Array
-    information: Array
-    loop: np.ndarray = field(default_factory=_none)
+    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    T_ij: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    information: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    loop: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     world_steps: WorldSteps | None = None
-    heavy_tailed: np.ndarray = field(default_factory=_none)
+    heavy_tailed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
         for marks in ("loop", "heavy_tailed"):
@@ -100,29 +96,35 @@ class PoseGraph:
                 )
             object.__setattr__(self, marks, np.zeros(len(self.edges), dtype=bool))
 
-    def with_loops(self, edges: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
-        """The graph with further edges that may be false."""
+    def with_edges(
+        self,
+        edges: np.ndarray,
+        T_ij: Array,
+        information: Array,
+        loop: bool = False,
+        heavy_tailed: Any = False,
+    ) -> PoseGraph:
+        """The graph with E further edges, all of them marked alike or by ``heavy_tailed (E,)``."""
+        count = len(edges)
         return replace(
             self,
             edges=np.concatenate([self.edges, np.asarray(edges, dtype=np.int64).reshape(-1, 2)]),
             T_ij=np.concatenate([self.T_ij, np.reshape(T_ij, (-1, 3))]),
             information=np.concatenate([self.information, np.reshape(information, (-1, 3, 3))]),
-            loop=np.concatenate([self.loop, np.ones(len(edges), dtype=bool)]),
-            heavy_tailed=np.concatenate([self.heavy_tailed, np.zeros(len(edges), dtype=bool)]),
+            loop=np.concatenate([self.loop, np.full(count, loop)]),
+            heavy_tailed=np.concatenate([self.heavy_tailed, np.full(count, heavy_tailed)]),
         )
+
+    def with_loops(self, edges: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
+        """The graph with further edges that may be false."""
+        return self.with_edges(edges, T_ij, information, loop=True)
 
     def with_only(self, loops: np.ndarray) -> PoseGraph:
         """The graph without the loops for which ``loops (L,)`` bool, in their order, is False."""
         kept = ~self.loop
         kept[np.flatnonzero(self.loop)[loops]] = True
-        return replace(
-            self,
-            edges=self.edges[kept],
-            T_ij=self.T_ij[kept],
-            information=self.information[kept],
-            loop=self.loop[kept],
-            heavy_tailed=self.heavy_tailed[kept],
-        )
+        names = ("edges", "T_ij", "information", "loop", "heavy_tailed")
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
 
 @dataclass(frozen=True)

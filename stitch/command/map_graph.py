@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from slam import se2
-from slam.graph.marginals import marginals
+from slam.graph.gauss_newton import marginals
 from slam.graph.pose_graph import PoseGraph, optimise
 from slam.mapping.submap import Submap
 from slam.se2 import Array
@@ -101,9 +101,8 @@ def _graph(members: list[int], edges: dict[Pair, Stitch]) -> PoseGraph:
     for k in order[1:]:
         i = int(before[k])
         poses[k] = se2.compose(poses[i], T[i, k] if (i, k) in T else se2.inverse(T[k, i]))
-    empty = PoseGraph(poses, np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
     information = [np.linalg.inv(np.asarray(stitch.covariance)) for stitch in edges.values()]
-    return empty.with_loops(np.array(pairs), np.array(list(T.values())), np.array(information))
+    return PoseGraph(poses).with_loops(np.array(pairs), np.array(list(T.values())), np.array(information))
 
 
 def graph_between_maps(submaps: Sequence[Submap], graph: MapGraph) -> MapGraph:

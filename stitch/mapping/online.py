@@ -15,8 +15,8 @@ import numpy as np
 
 from slam import se2
 from slam.graph.isam2 import IncrementalGraph
-from slam.graph.odometry_factors import dead_reckoning_graph, step_covariance
-from slam.graph.pose_graph import informations
+from slam.graph.odometry_factors import dead_reckoning_graph, odometry_graph, step_covariance
+from slam.graph.pose_graph import PoseGraph, informations
 from slam.mapping import keyframes
 from slam.mapping.submap import cut
 from slam.matching import Reference
@@ -33,12 +33,11 @@ from slam.se2 import Array
 from stitch.align import Stitch, align
 from stitch.mapping.config import MappingConfig
 from stitch.mapping.estimate import Estimate, LoopCandidate, NoEstimate, OnlineResult
-from stitch.mapping.growing_submap_graph import GrowingSubmapGraph
 from stitch.mapping.loop_closure import Stitcher, gate_by_belief
 from stitch.mapping.offline import find_mount
 from stitch.mapping.pairing import match_pairs, partners
 from stitch.mapping.rejection import rejection_reason
-from stitch.mapping.submap_graph import with_weights
+from stitch.mapping.submap_graph import SubmapGraph, with_weights
 
 
 @dataclass(frozen=True)
@@ -116,9 +115,7 @@ class OnlineMapper:
         self.tracker = Tracker(self.measurements, config.frontend)
         self.tilt = TiltDetector(config.frontend.tilt_limit, config.online.tilt_window)
         self.graph: IncrementalGraph  # from the first scan on
-        self.submap_graph = GrowingSubmapGraph(
-            self.reckoning, config.loops, config.odometry, config.online.match_distance
-        )
+        self.submap_graph = SubmapGraph([], PoseGraph(np.zeros((0, 3))), source, config.loops)
         self._unfiltered: list[Scan] = []
         self._scans: list[Scan] = []
         self._nodes: list[_Node] = []
@@ -169,7 +166,8 @@ class OnlineMapper:
         track, rows, poses = self.tracker.track(), self._rows(), self.graph.poses()
         submap_graph = self.submap_graph
         starts = submap_graph.starts
-        after = None if not starts else submap_graph.pose_graph(poses[np.searchsorted(rows, starts)])
+        anchors = poses[np.searchsorted(rows, starts)]
+        after = replace(submap_graph.graph(), poses=anchors) if starts else None
         return Estimate(
             "slamstitch_online",
             keyframes.carry(track.poses, rows, poses),
@@ -260,9 +258,21 @@ class OnlineMapper:
 
     def _matchable(self, j: int) -> np.ndarray:
         """Nodes ``(K,)`` bool whose place beside node j is known well enough to match their scans."""
-        near = self.submap_graph.near(self._nodes[j].submap, self._open)
         usable = np.array([node.usable for node in self._nodes])
-        return usable & np.isin([node.submap for node in self._nodes], near)
+        return usable & np.isin([node.submap for node in self._nodes], self._near(self._nodes[j].submap))
+
+    def _near(self, number: int) -> np.ndarray:
+        """Submaps within the match distance of submap ``number``, which may be the one being driven; -1 is
+        near to nothing."""
+        graph, loops = self.submap_graph, self.config.loops
+        last = len(graph.submaps) - 1
+        if number < 0 or last < 0:
+            return np.array([number] if number >= 0 else [], dtype=np.int64)
+        distance = graph.distances(min(number, last))
+        if number > last:
+            broken = graph.submaps[-1].stop != self._open
+            distance = distance + loops.length + loops.broken_edge * broken
+        return np.append(np.flatnonzero(distance <= self.config.online.match_distance), number)
 
     # A submap
 
@@ -298,8 +308,14 @@ class OnlineMapper:
         drawn = np.array([node.row for node in inside if node.usable])
         resolution = self.config.submaps.resolution
         submap = cut(self.measurements, self._scans, self.tracker.poses, start, stop, drawn, resolution)
-        self.submap_graph.add(submap, self.tracker.track())
-        self._queue_candidates(number)
+        step = None
+        if number > 0:
+            ends = np.array([self.submap_graph.submaps[-1].start, start])
+            step = odometry_graph(self.reckoning, self.tracker.track(), ends, self.config.odometry)
+        self.submap_graph.add(submap, step)
+        self._place_submaps()
+        if number > 0:
+            self._waiting_stitches += [(a, number) for a in self.submap_graph.candidates(number)]
 
     def _owner(self, start: int, stop: int) -> int:
         """The submap that scans ``start..stop-1`` before a loss belong to: the next one, or the last one
@@ -309,11 +325,6 @@ class OnlineMapper:
             path = se2.path_length(self.tracker.poses[start:stop])[-1]
             return len(submaps) - (path < 0.5 * self.config.loops.length)
         return len(submaps) if self._steps >= self.config.segmentation.least_steps else -1
-
-    def _queue_candidates(self, b: int) -> None:
-        """Queue the submaps that may overlap submap b."""
-        self._place_submaps()
-        self._waiting_stitches += [(a, b) for a in self.submap_graph.candidates(b)]
 
     def _place_submaps(self) -> None:
         """Bring the submaps' poses in line with the graph's."""
@@ -345,7 +356,7 @@ class OnlineMapper:
         if self._innovation(a, b, result) <= self.config.online.max_innovation:
             submap_graph.trust_last()
         else:
-            submap_graph.judge()
+            submap_graph.optimise()
         self._follow_judgement()
 
     def _innovation(self, a: int, b: int, stitch: Stitch) -> float:

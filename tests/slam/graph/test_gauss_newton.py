@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam.graph.gauss_newton import Problem
-from slam.graph.gnc import solve_gnc, truncated_weights
-from slam.graph.marginals import marginals, relative_covariance
+from slam.graph.gauss_newton import Problem, marginals, relative_covariance, solve_gnc, truncated_weights
 from slam.graph.pose_graph import (
     CAUCHY,
     GncConfig,

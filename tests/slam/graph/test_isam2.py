@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slam import se2
+from slam.graph.gauss_newton import marginals
 from slam.graph.isam2 import IncrementalGraph
-from slam.graph.marginals import marginals
 from slam.graph.pose_graph import PoseGraph, Solution, WorldSteps, optimise
 from slam.se2 import Array
 

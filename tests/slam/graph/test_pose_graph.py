@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from slam import se2
-from slam.graph.marginals import marginals
+from slam.graph.gauss_newton import marginals
 from slam.graph.pose_graph import GncConfig, PoseGraph, WorldSteps, chi_squared, informations, optimise
 from slam.se2 import Array
 
