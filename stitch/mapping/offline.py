@@ -22,14 +22,13 @@ from slam.se2 import Array
 from stitch.align import align
 from stitch.mapping.bundle import adjust_all_scans
 from stitch.mapping.config import MappingConfig
-from stitch.mapping.estimate import Estimate, NoEstimate
+from stitch.mapping.estimate import Estimate, NoEstimate, rejection_reason
 from stitch.mapping.loop_closure import (
     LoopClosureResult,
     Stitcher,
     close_loops,
     reject_inconsistent_loops,
 )
-from stitch.mapping.rejection import rejection_reason
 from stitch.mapping.submap_graph import SubmapGraph
 from stitch.mapping.submaps import SubmapBuilder, gap_nodes, split_by_length, trim_relocalisation_jump
 

@@ -31,12 +31,11 @@ from slam.recording import Laser, Recording, Source
 from slam.scan import Scan
 from slam.se2 import Array
 from stitch.align import Stitch, align
+from stitch.mapping.bundle import match_keyframe, partners
 from stitch.mapping.config import MappingConfig
-from stitch.mapping.estimate import Estimate, LoopCandidate, NoEstimate, OnlineResult
+from stitch.mapping.estimate import Estimate, LoopCandidate, NoEstimate, OnlineResult, rejection_reason
 from stitch.mapping.loop_closure import Stitcher, gate_by_belief
 from stitch.mapping.offline import find_mount
-from stitch.mapping.pairing import match_pairs, partners
-from stitch.mapping.rejection import rejection_reason
 from stitch.mapping.submap_graph import SubmapGraph, with_weights
 
 
@@ -106,8 +105,9 @@ class OnlineMapper:
         stitch: Stitcher | None = None,
     ) -> None:
         self.config = config
+        online = config.online
         self.bundle = replace(
-            config.bundle, neighbours=config.online.neighbours, per_pass=config.online.per_pass
+            config.bundle, neighbours=online.neighbours, per_pass=online.per_pass, radii=online.radii
         )
         self.stitch = partial(align, config=config.loops.align) if stitch is None else stitch
         self.measurements = MeasurementLog(laser, angles, source)
@@ -251,8 +251,9 @@ class OnlineMapper:
             return
         references = [self._nodes[i].reference for i in chosen]
         guesses = se2.between(poses[chosen], poses[j])
-        matches = match_pairs(references, node.reference, guesses, chosen, self.bundle, self.config.online)
-        for i, T_ij, information in zip(matches.partners, matches.T_ij, matches.information, strict=True):
+        limit = (self.config.online.max_shift, self.config.online.max_turn)
+        known, *matches = match_keyframe(references, node.reference, guesses, self.bundle, limit)
+        for i, T_ij, information in zip(chosen[known], *matches, strict=True):
             self._pairs[self.graph.add_edge(int(i), j, T_ij, information)] = int(i), j
             node.matched_to.add(int(i))
 
