@@ -27,15 +27,16 @@ from sim.terrain import Terrain
 from sim.world import World
 from slam import se2
 from slam.graph.gauss_newton import marginals
+from slam.graph.odometry_factors import odometry_graph
 from slam.graph.pose_graph import informations, optimise
 from slam.mapping.submap import cut
+from slam.odometry.dead_reckoning import DeadReckoning
 from slam.odometry.segmentation import SegmentationConfig, segments
 from slam.odometry.track import Verdict
 from slam.odometry.tracker import FrontendConfig, track
 from slam.scan import scans_of
 from stitch import align
 from stitch.align import Stitch
-from stitch.mapping import backbone
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ else:
 
 # %%
 anchors = np.array([submap.start for submap in submaps])
-graph = backbone.tracked(recording, found, anchors)
+graph = odometry_graph(DeadReckoning(recording), found, anchors)
 if isinstance(stitch, Stitch):
     pair = np.array([[0, len(submaps) - 1]])
     graph = graph.with_loops(pair, stitch.T_a_b[None], informations(pair, stitch.covariance[None]))

@@ -15,7 +15,7 @@ import tyro
 from tyro.conf import Positional, arg
 
 from scenarios.catalogue import CATALOGUE
-from scenarios.methods import COMPARED, METHODS, ONLINE, warm_up
+from scenarios.methods import COMPARED, METHODS, ONLINE, load_kernels
 from scenarios.options import check_seed, parse_names
 from slam.cli import POSE, InputError, Pose, main
 
@@ -229,7 +229,7 @@ def estimate(
     with stages.stage("warm up"):
         short = warm_up_recording(recording)
         for name in methods:
-            warm_up(name, short, config)
+            load_kernels(name, short, config)
     answers: list[Estimate | NoEstimate] = []
     for name in methods:
         with stages.stage(name):

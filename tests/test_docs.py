@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.methods.config import MethodConfig
 from scenarios.run import COMMAND, Options, run
 from slam.cli import main
 from slam.formats import carmen, load, ros_map
@@ -30,9 +29,7 @@ from stitch.align import Stitch
 from stitch.alignment import likelihood
 from stitch.alignment.acceptance import AcceptanceClassifier
 from stitch.alignment.config import AlignConfig
-from stitch.mapping import online
-from stitch.mapping.bundle import BundleConfig
-from stitch.mapping.loop_closure import LoopConfig
+from stitch.mapping import MappingConfig
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -105,6 +102,25 @@ def test_every_block_of_the_section_is_run_here() -> None:
     assert section("Bring your own").count("```") == 2 * len(BLOCKS) + 2  # a matcher has two
 
 
+def test_the_library_s_examples_run(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    offline, online = re.findall(r"^```python\n(.*?)^```$", section("From Python"), re.M | re.S)
+    known: dict[str, Any] = {}
+    exec(compile(offline, "README.md, a whole recording", "exec"), known)
+    assert known["estimate"].poses.shape == (50, 3)
+    exec(compile(online, "README.md, scan by scan", "exec"), known)
+    assert capsys.readouterr().out.count("MATCHED") >= 45
+    assert known["estimate"].poses.shape == (50, 3)
+    assert np.abs(known["estimate"].poses - known["drive"].dead_reckoning).max() < 0.02
+
+
+def test_the_way_of_one_scan_is_told_in_25_files() -> None:
+    text = (ROOT / "docs" / "README.md").read_text().split("## The way of one scan")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| (\d+) \| `([\w/.]+)` \|", text, re.M)
+    assert [int(number) for number, _ in rows] == list(range(1, len(rows) + 1))
+    assert len(rows) <= 25
+    assert all((ROOT / path).is_file() for _, path in rows)
+
+
 @pytest.mark.parametrize("name", BLOCKS)
 def test_what_you_bring_runs(name: str, elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     known: dict[str, Any] = {}
@@ -122,7 +138,7 @@ def test_a_matcher_of_a_module_is_taken_from_the_shell(
     monkeypatch.setattr(sys, "argv", command.split())
     assert main(Options, COMMAND, run) == 0
     config = json.loads((elsewhere / "runs" / "latest" / "config.json").read_text())
-    assert config["methods"]["frontend"]["method"] == "my_matcher:nearest"
+    assert config["methods"]["slam"]["frontend"]["method"] == "my_matcher:nearest"
     assert json.loads(capsys.readouterr().out)["scans"] == 50
 
 
@@ -177,12 +193,13 @@ def importable(dotted: str) -> bool:
 
 def stated() -> Iterator[tuple[str, str]]:
     """Page and what it must say, made of the constants of the code."""
-    align, bundle, loops = AlignConfig(), BundleConfig(), LoopConfig()
+    align, mapping = AlignConfig(), MappingConfig()
+    bundle, loops = mapping.bundle, mapping.loops
     accept = align.acceptance
     yield "front_end.md", f"last {FrontendConfig().map_scans} keyframes"
-    yield "front_end.md", f"χ² = {FrontendConfig().most_innovation:.0f} from the guess"
+    yield "front_end.md", f"χ² = {FrontendConfig().max_innovation:.0f} from the guess"
     yield "segmentation.md", f"{BIAS:.2f} + {WEIGHTS['innovation']:.2f} ln innovation".replace("-", "−")
-    yield "segmentation.md", f"fewer than {MethodConfig().segmentation.least_steps} matched steps"
+    yield "segmentation.md", f"fewer than {mapping.segmentation.least_steps} matched steps"
     yield "stitching.md", f"λ = {align.search.free_penalty:.0f} (maps that agree)"
     yield "stitching.md", f"λ = {align.search.lenient_penalty:.0f} (bent maps, moved furniture)"
     yield "stitching.md", f"{likelihood.BIAS:.2f} (+ {likelihood.PRIOR_BONUS:.2f}".replace("-", "− ")
@@ -195,7 +212,10 @@ def stated() -> Iterator[tuple[str, str]]:
     yield "pose_graph.md", f"w = {loops.window_ins} m with an INS, {loops.window} m without"
     yield "pose_graph.md", f"distances {', '.join(map(str, bundle.radii))} m"
     yield "pose_graph.md", f"up to {bundle.neighbours} earlier ones within {bundle.reach:g} m"
-    yield "online.md", f"at most {online.NEIGHBOURS} earlier ones ({online.PER_PASS} of one pass)"
+    yield (
+        "online.md",
+        f"at most {mapping.online.neighbours} earlier ones ({mapping.online.per_pass} of one pass)",
+    )
 
 
 def test_the_pages_say_what_the_code_does() -> None:

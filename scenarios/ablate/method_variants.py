@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarios.ablate.injection import map_with_false_stitches
-from scenarios.methods import METHODS, OURS, warm_up
+from scenarios.methods import METHODS, OURS, load_kernels
 from scenarios.methods.config import MethodConfig
 from scenarios.sweep import Answer, Failure, Trial
 from slam.graph.pose_graph import Loss
@@ -120,7 +120,7 @@ def run_trial(trial: Trial, recording: Recording) -> Answer:
     from scenarios.methods.warm_up import warm_up_recording
 
     variant = MethodVariant(trial.method, **trial.config)
-    warm_up(variant.method, warm_up_recording(recording), variant.config())
+    load_kernels(variant.method, warm_up_recording(recording), variant.config())
     started = time.process_time()
     estimate = variant.run(recording, trial.seed)
     seconds = time.process_time() - started

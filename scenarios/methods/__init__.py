@@ -98,6 +98,6 @@ COMPARED: tuple[str, ...] = tuple(m.name for m in METHODS.values() if not (m.see
 """Methods that know what a robot knows: those that run when nobody asks for others."""
 
 
-def warm_up(name: str, short: Recording, config: MethodConfig) -> None:
+def load_kernels(name: str, short: Recording, config: MethodConfig) -> None:
     """Load a method's kernels; a warm-up knows no truth, so a method that sees it is stood in for by ours."""
     METHODS[OURS if METHODS[name].sees_truth else name](short, config)

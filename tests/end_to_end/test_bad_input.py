@@ -32,7 +32,7 @@ BAD_LOGS = {
     "empty": (b"", "the file is empty"),
     "only blanks": (b" \n\n", "the file is empty"),
     "binary": (np.random.default_rng(0).bytes(4000), "binary data, expected text"),
-    "some other text": (b"once upon a time\n", "expected a USARSim log, a CARMEN log or a recording.npz"),
+    "some other text": (b"once upon a time\n", "not a recording: expected"),
     "a gzip torn off": (gzip.compress(LOG.encode())[:60], "torn gzip"),
     "a zip torn off": (b"PK\x03\x04 and no more", "expected a recording.npz"),
     "cut in the middle of a line": (LOG[:-700].encode(), r":5: .*cut in the middle\?"),

@@ -19,7 +19,7 @@ from stitch.alignment.rotation import common_directions, reason_against_directio
 from stitch.alignment.translation import lags
 from stitch.published.carpin import acceptance_index
 from stitch.published.censi import solutions
-from stitch.published.features import Matches, fit_rigid, umeyama
+from stitch.published.features import Matches, fit_rigid
 from stitch.published.htms import four_hypotheses
 from stitch.published.pair import pair, redraw
 
@@ -365,14 +365,3 @@ def test_scale_and_mirror_are_not_rigid() -> None:
         fitted = fit_rigid(Matches(a, b), strict)
         assert fitted is None or fitted[1] < 15
     assert fit_rigid(Matches(b[:2], 3.0 * b[:2]), strict) is None
-
-
-def test_umeyama_has_the_least_squared_error() -> None:
-    rng = np.random.default_rng(2)
-    b = rng.normal(0.0, 3.0, (40, 2))
-    np.testing.assert_allclose(umeyama(se2.transform(T_TRUE, b), b), T_TRUE, atol=1e-9)
-    a = se2.transform(T_TRUE, b) + rng.normal(0.0, 0.3, b.shape)
-    best = umeyama(a, b)
-    least = np.sum((se2.transform(best, b) - a) ** 2)
-    for step in 0.01 * np.concatenate([np.eye(3), -np.eye(3)]):
-        assert np.sum((se2.transform(best + step, b) - a) ** 2) > least
