@@ -6,21 +6,13 @@ from slam.mapping.submap import Submap
 from stitch.alignment.config import METHODS, AlignConfig
 from stitch.alignment.joint import align_joint
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.published.carpin import align_carpin
-from stitch.published.censi import align_censi
 from stitch.published.features import align_features
-from stitch.published.htms import align_htms
+from stitch.published.spectra import align_carpin, align_censi, align_htms
 
 __all__ = ["METHODS", "AlignConfig", "Alternative", "NoStitch", "Prior", "Stitch", "align"]
 
-METHODS.update(
-    joint=align_joint,
-    htms=align_htms,
-    carpin=align_carpin,
-    censi=align_censi,
-    akaze=align_features,
-    orb=align_features,
-)
+METHODS.update(joint=align_joint, htms=align_htms, carpin=align_carpin, censi=align_censi)
+METHODS.update(akaze=align_features, orb=align_features)
 
 DEFAULT = AlignConfig()
 
@@ -33,7 +25,10 @@ def align(
     ``config.method`` is one of `METHODS`. With "joint" rotations come from Hough spectra (Carpin 2008) or
     from around the prior, translations from a joint correlation that penalises walls in free space, and an
     answer is only given when it passes `stitch.alignment.config.Acceptance`. The others are the methods of
-    the literature; each tells in its own file when it refuses. None of them has a covariance. All are
+    the literature; each tells when it refuses. None of them has a covariance. All are
     deterministic.
     """
+    for name, submap in (("a", a), ("b", b)):
+        if not submap.grid.occupied.any():
+            return NoStitch(f"submap {name} has no occupied cells")
     return METHODS[config.method](a, b, prior, config)

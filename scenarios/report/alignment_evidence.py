@@ -15,9 +15,9 @@ from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.config import AlignConfig
+from stitch.alignment.hough import cross_correlation
 from stitch.alignment.raster import rasterise
 from stitch.alignment.result import Stitch
-from stitch.alignment.rotation import cross_correlation
 from stitch.alignment.translation import (
     Correlation,
     correlate,
@@ -27,7 +27,7 @@ from stitch.alignment.translation import (
     spectra,
 )
 from stitch.mapping.estimate import Estimate, LoopCandidate
-from stitch.published.htms import DIRECTIONS, dominant_direction
+from stitch.published.spectra import DIRECTIONS, dominant_direction
 
 RESOLUTION = 0.1
 """Side of the cells [m] that walls are counted in."""

@@ -15,11 +15,11 @@ from slam.colours import BLACK, BLUE, GREY, VERMILLION
 from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.result import Alternative, NoStitch
-from stitch.alignment.rotation import cross_correlation
+from stitch.alignment.hough import cross_correlation
+from stitch.alignment.result import Alternative
 from stitch.alignment.translation import correlation_along, profile
-from stitch.published.htms import DIRECTIONS, dominant_direction, four_hypotheses
-from stitch.published.pair import Pair, pair
+from stitch.published.pair import Pair
+from stitch.published.spectra import DIRECTIONS, dominant_direction, four_hypotheses
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -162,9 +162,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
 
 def example() -> Pair:
     """The map of rooms and its cut-out (`scenarios.report.shapes.map_and_cutout`), ready to be stitched."""
-    maps = pair(*shapes.map_and_cutout(), CONFIG)
-    assert not isinstance(maps, NoStitch)
-    return maps
+    return Pair(*shapes.map_and_cutout(), CONFIG)
 
 
 def transform(points: Array) -> hough.Hough:

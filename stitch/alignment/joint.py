@@ -14,13 +14,18 @@ from slam.mapping.submap import Submap
 from slam.matching import Reference
 from slam.se2 import Array
 from stitch.alignment import hough
-from stitch.alignment.acceptance import acceptance_log_odds
+from stitch.alignment.acceptance import (
+    CandidateScores,
+    SharedArea,
+    acceptance_log_odds,
+    measure_shared_area,
+    reason_against,
+)
 from stitch.alignment.config import AlignConfig, SearchConfig
 from stitch.alignment.likelihood import PRIOR_BONUS, FreeSpaceMap, count_overlap, overlap_log_odds
 from stitch.alignment.raster import Walls, rasterise, walls_of
 from stitch.alignment.refinement import ScoreField, covariance, hill_climb, prior_penalty, score_field
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch, max_distance
-from stitch.alignment.rotation import hypotheses
 from stitch.alignment.translation import (
     LINE,
     Correlation,
@@ -30,7 +35,6 @@ from stitch.alignment.translation import (
     spectra,
     transform_shape,
 )
-from stitch.alignment.verification import CandidateScores, SharedArea, measure_shared_area, reason_against
 
 LATTICE_CELL, LATTICE_SIDE = 0.1, 512
 """Cells [m] of the lattice that finds a submap's points, and how many along a side; changes no result."""
@@ -130,15 +134,12 @@ def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: Align
     spectrum_a, spectrum_b = (
         hough.spectrum_of(walls, settings.n_theta, config.resolution) for walls in (walls_a, walls_b)
     )
-    angles, heights = hypotheses(
+    angles, heights = hough.hypotheses(
         spectrum_a, spectrum_b, settings.n_peaks, directions.separation, settings.smoothing
     )
     first = np.arange(len(angles)) < 2 * settings.min_peaks  # each has a twin
     angles = angles[first | (heights >= settings.min_peak_ratio * heights[0])]
-    straight = all(
-        hough.SpectrumContrast.of(spectrum).has_directions(directions)
-        for spectrum in (spectrum_a, spectrum_b)
-    )
+    straight = all(hough.has_directions(spectrum, directions) for spectrum in (spectrum_a, spectrum_b))
     if prior is None:
         if straight:
             return angles

@@ -20,7 +20,7 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.published.pair import near, pair, redraw
+from stitch.published.pair import Pair, near, redraw
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,6 @@ def align_features(a: Submap, b: Submap, prior: Prior | None, config: AlignConfi
 
     There is no answer when too few of the matches agree or the prior excludes what was found.
     """
-    maps = pair(a, b, config)
-    if isinstance(maps, NoStitch):
-        return maps
     matches = match_features(a.grid, b.grid, config)
     count, method = len(matches.a), config.method
     if count < 2:
@@ -54,7 +51,7 @@ def align_features(a: Submap, b: Submap, prior: Prior | None, config: AlignConfi
         return NoStitch(reason, best)
     if not near([best], prior, config):
         return NoStitch(f"{method}: the alignment is not near the prior", best)
-    return maps.stitch(best, [])
+    return Pair(a, b, config).stitch(best, [])
 
 
 def match_features(grid_a: Grid, grid_b: Grid, config: AlignConfig) -> Matches:

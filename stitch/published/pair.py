@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,28 +12,37 @@ from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.alignment import hough
+from stitch.alignment.acceptance import measure_shared_area
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.raster import Raster, lattice_window, rasterise
-from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch, max_distance
-from stitch.alignment.verification import measure_shared_area
+from stitch.alignment.result import Alternative, Prior, Stitch, max_distance
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two submaps with the centres ``walls_a (n, 2)``, ``walls_b (m, 2)`` m of their occupied cells."""
+    """Two submaps and how they are aligned."""
 
     a: Submap
     b: Submap
-    walls_a: Array
-    walls_b: Array
     config: AlignConfig
+
+    @cached_property
+    def walls_a(self) -> Array:
+        """Centres ``(n, 2)`` m of the occupied cells of a."""
+        return self.a.grid.occupied_points()
+
+    @cached_property
+    def walls_b(self) -> Array:
+        """Centres ``(m, 2)`` m of the occupied cells of b."""
+        return self.b.grid.occupied_points()
 
     def spectra(self, n_theta: int, split: bool) -> tuple[Array, Array]:
         """Hough spectra ``(n_theta,)`` of both maps, with bins of ρ of the raster's resolution."""
-        of_a, of_b = (
-            hough.spectrum(hough.transform(walls, n_theta, self.config.resolution, split))
+        transforms = (
+            hough.transform(walls, n_theta, self.config.resolution, split)
             for walls in (self.walls_a, self.walls_b)
         )
+        of_a, of_b = map(hough.spectrum, transforms)
         return of_a, of_b
 
     def stitch(self, best: Alternative, others: list[Alternative]) -> Stitch:
@@ -41,23 +51,8 @@ class Pair:
         still = rasterise(self.walls_a, self.a.grid, np.zeros(3), resolution)
         moved = rasterise(self.walls_b, self.b.grid, best.T_a_b, resolution)
         shared = measure_shared_area(still, moved)
-        return Stitch(
-            T_a_b=best.T_a_b,
-            covariance=None,
-            score=best.score,
-            overlap_area=shared.overlap_area,
-            agreement=shared.agreement,
-            alternatives=tuple(sorted(others, key=lambda other: -other.score)),
-        )
-
-
-def pair(a: Submap, b: Submap, config: AlignConfig) -> Pair | NoStitch:
-    """Both submaps with their walls, or which of them has none."""
-    walls_a, walls_b = a.grid.occupied_points(), b.grid.occupied_points()
-    for name, walls in (("a", walls_a), ("b", walls_b)):
-        if len(walls) == 0:
-            return NoStitch(f"submap {name} has no occupied cells")
-    return Pair(a, b, walls_a, walls_b, config)
+        ranked = tuple(sorted(others, key=lambda other: -other.score))
+        return Stitch(best.T_a_b, None, best.score, shared.overlap_area, shared.agreement, ranked)
 
 
 def near(candidates: list[Alternative], prior: Prior | None, config: AlignConfig) -> list[Alternative]:
