@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from pkgutil import resolve_name
+
 from slam.mapping.submap import Submap
 from stitch.alignment.config import METHODS, AlignConfig
-from stitch.alignment.joint import align_joint
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.published.features import align_features
-from stitch.published.spectra import align_carpin, align_censi, align_htms
 
 __all__ = ["METHODS", "AlignConfig", "Alternative", "NoStitch", "Prior", "Stitch", "align"]
-
-METHODS.update(joint=align_joint, htms=align_htms, carpin=align_carpin, censi=align_censi)
-METHODS.update(akaze=align_features, orb=align_features)
 
 DEFAULT = AlignConfig()
 
@@ -31,4 +27,7 @@ def align(
     for name, submap in (("a", a), ("b", b)):
         if not submap.grid.occupied.any():
             return NoStitch(f"submap {name} has no occupied cells")
-    return METHODS[config.method](a, b, prior, config)
+    method = METHODS[config.method]
+    aligner = resolve_name(method) if isinstance(method, str) else method
+    result: Stitch | NoStitch = aligner(a, b, prior, config)
+    return result

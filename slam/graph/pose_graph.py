@@ -195,7 +195,8 @@ def _solve(graph: PoseGraph, loss: Loss, gnc: GncConfig) -> tuple[Array, Array]:
     factors, initial = to_gtsam(graph)
     loops = np.flatnonzero(graph.loop)
     if loss == "none" or not len(loops):
-        return _poses(gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()), np.ones(len(loops))
+        solved = gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()
+        return gtsam.utilities.extractPose2(solved), np.ones(len(loops))
     parameters = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
     parameters.setLossType(gtsam.GncLossType.TLS)
     parameters.setAllowNonNoiseModelFactors(True)
@@ -203,7 +204,7 @@ def _solve(graph: PoseGraph, loss: Loss, gnc: GncConfig) -> tuple[Array, Array]:
     parameters.setKnownInliers([f for f in range(factors.size()) if f not in doubted])
     optimizer = gtsam.GncLMOptimizer(factors, initial, parameters)
     optimizer.setInlierCostThresholdsAtProbability(gnc.inlier_probability)
-    poses = _poses(optimizer.optimize())
+    poses = gtsam.utilities.extractPose2(optimizer.optimize())
     return poses, np.asarray(optimizer.getWeights())[loops]
 
 
@@ -271,8 +272,3 @@ def chi_squared(graph: PoseGraph, poses: Array) -> Array:
     i, j = graph.edges.T
     residual = se2.log(se2.between(graph.T_ij, se2.between(poses[i], poses[j])))
     return np.einsum("ea,eab,eb->e", residual, graph.information, residual)
-
-
-def _poses(values: Any) -> Array:
-    poses = [values.atPose2(k) for k in range(values.size())]
-    return np.array([[pose.x(), pose.y(), pose.theta()] for pose in poses])

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from slam.mapping.occupancy import dilated
 from slam.se2 import Array
 from stitch.alignment.config import Acceptance
 from stitch.alignment.likelihood import OverlapCounts
-from stitch.alignment.raster import Raster, common_windows, dilated
+from stitch.alignment.raster import Raster, common_windows
 
 NO_RIVAL = -20.0
 """Least log-odds of a rival, and those of one that does not exist. This and the next two are part of what was

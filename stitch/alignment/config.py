@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from slam.matching import MatchConfig
 
-if TYPE_CHECKING:
-    from slam.mapping.submap import Submap
-    from stitch.alignment.result import NoStitch, Prior, Stitch
-
-METHODS: dict[str, Callable[[Submap, Submap, Prior | None, AlignConfig], Stitch | NoStitch]] = {}
-"""Every aligner by its name; `stitch.align` has the entries."""
-
+METHODS: dict[str, str | Callable[..., Any]] = {
+    "joint": "stitch.alignment.joint:align_joint",
+    "htms": "stitch.published.spectra:align_htms",
+    "carpin": "stitch.published.spectra:align_carpin",
+    "censi": "stitch.published.spectra:align_censi",
+    "akaze": "stitch.published.features:align_features",
+    "orb": "stitch.published.features:align_features",
+}
+"""Every aligner by its name: a function ``(a, b, prior, config)``, or where one is to be found."""
 
 Count = Annotated[int, "a whole number of at least 1", lambda x: isinstance(x, int) and x >= 1]
 Amount = Annotated[float, "0 or a positive number", lambda x: 0.0 <= x < math.inf]
@@ -160,7 +162,7 @@ class RefinementConfig(Checked):
     enabled: bool = True
     """False: the climb's answer stands."""
     method: str = "plicp"
-    """A name of `slam.matching.registry`."""
+    """A name of `slam.matching.match`."""
     points: Count = 1000
     """About how many of b's points are matched: more cost time and add nothing."""
     max_correction: tuple[Positive, Positive] = (0.3, 0.05)
@@ -267,7 +269,7 @@ class AlignConfig(Checked):
     """How two submaps are aligned. Raises ``ValueError`` for an unknown method or a number without sense."""
 
     method: str = "joint"
-    """A name of `stitch.align.METHODS`: ours ("joint") or one of `stitch.published`."""
+    """A name of `METHODS`: ours ("joint") or one of `stitch.published`."""
     resolution: Positive = 0.1
     """Side of the cells [m] that walls are compared in; read by every method."""
     walls: WallConfig = field(default_factory=WallConfig)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from slam import se2
 from slam.se2 import Array
@@ -31,8 +32,6 @@ def transform(points: Array, n_theta: int = 360, resolution: float = 0.05, split
     the point is in. Bins are half a cell off the frame's origin, so that the centres of a grid's cells lie in
     the middle of bins where lines run along the grid.
     """
-    from stitch.alignment.hough_kernels import vote
-
     points = np.ascontiguousarray(points, dtype=np.float64)
     first, n_rho = _bins(points, resolution)
     if split:
@@ -50,6 +49,58 @@ def _bins(points: Array, resolution: float) -> tuple[float, int]:
     return -(reach + 0.5) * resolution, 2 * reach + 2
 
 
+@njit(cache=True)
+def vote(points: Array, n_theta: int, first: float, resolution: float, n_rho: int) -> Array:
+    """Hough transform ``(n_theta, n_rho)`` of points ``(n, 2)``, each vote split between two bins.
+
+    Bin i of ρ is centred on ``first + i·resolution``.
+    """
+    votes = np.zeros((n_theta, n_rho))
+    start = first / resolution
+    for k in range(n_theta):
+        c, s = np.cos(np.pi * k / n_theta) / resolution, np.sin(np.pi * k / n_theta) / resolution
+        for j in range(points.shape[0]):
+            at = points[j, 0] * c + points[j, 1] * s - start
+            i = int(at)  # never negative
+            votes[k, i] += 1.0 - (at - i)
+            votes[k, i + 1] += at - i
+    return votes
+
+
+@njit(cache=True)
+def energies(points: Array, n_theta: int, first: float, resolution: float, n_rho: int) -> Array:
+    """Sums ``(n_theta,)`` of the squared votes of each direction, without keeping the votes as `vote` does.
+
+    A bin is one integer, so that a vote is one addition: its high bits count points, its low bits sum the
+    shares of them that go to the next bin, to 2⁻³⁰ or better for fewer than 2¹⁶ points.
+    """
+    bits, rho_bits = 1, 1  # that hold the number of points, and of bins
+    while points.shape[0] >> bits:
+        bits += 1
+    while n_rho >> rho_bits:
+        rho_bits += 1
+    fine, start = 62 - max(2 * bits, rho_bits), first / resolution
+    scale, share, one = float(1 << fine), (1 << fine) - 1, 1 << (fine + bits)
+    bins, out = np.zeros(n_rho, dtype=np.int64), np.zeros(n_theta)
+    for k in range(n_theta):
+        c, s = np.cos(np.pi * k / n_theta) / resolution, np.sin(np.pi * k / n_theta) / resolution
+        c, s, origin = scale * c, scale * s, scale * start
+        for j in range(points.shape[0]):
+            at = np.int64(points[j, 0] * c + points[j, 1] * s - origin)  # never negative
+            bins[np.uint64(at >> fine)] += (at & share) | one
+        before, energy = 0.0, 0.0
+        for i in range(n_rho):
+            held = bins[i]
+            if held == 0 and before == 0.0:
+                continue
+            beyond = (held & (one - 1)) / scale
+            votes = (held >> (fine + bits)) - beyond + before
+            energy += votes * votes
+            before, bins[i] = beyond, 0
+        out[k] = energy
+    return out
+
+
 def spectrum(hough: Hough) -> Array:
     """Hough spectrum ``(n_theta,)``: the sum of squared votes of each direction, largest 1 (Censi 2005).
 
@@ -60,8 +111,6 @@ def spectrum(hough: Hough) -> Array:
 
 def spectrum_of(points: Array, n_theta: int = 360, resolution: float = 0.05) -> Array:
     """`spectrum` ``(n_theta,)`` of the `transform` of points ``(n, 2)`` m, kept nowhere: twice as fast."""
-    from stitch.alignment.hough_kernels import energies
-
     points = np.ascontiguousarray(points, dtype=np.float64)
     first, n_rho = _bins(points, resolution)
     return _normalised(energies(points, n_theta, first, resolution, n_rho))

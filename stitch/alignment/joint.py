@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from slam import se2
 from slam.mapping.submap import Submap
-from slam.matching import Reference
+from slam.matching import NoMatch, Reference, match
 from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.acceptance import (
@@ -37,21 +35,8 @@ from stitch.alignment.translation import (
 )
 
 LATTICE_CELL, LATTICE_SIDE = 0.1, 512
-"""Cells [m] of the lattice that finds a submap's points, and how many along a side; changes no result."""
-
-
-class SubmapReference(Reference):
-    """The points of a submap, which lie over more ground than those of one scan.
-
-    The lattice that finds them repeats itself every 51 m, not every 13 m.
-    """
-
-    @cached_property
-    def indexed(self) -> tuple[Any, Any]:
-        """The points and their lattice."""
-        from slam.matching.neighbours import build
-
-        return self.cloud, build(self.cloud[0], LATTICE_CELL, LATTICE_SIDE)
+"""Cells [m] of the lattice that finds a submap's points, and how many along a side: it repeats itself every
+51 m, not every 13 m as a scan's. Changes no result."""
 
 
 @dataclass(frozen=True)
@@ -249,10 +234,9 @@ def _located(a: Submap, b: Submap, field: ScoreField, best: Alternative) -> tupl
     sigma = covariance(field, best.T_a_b, pivot)
     if not settings.enabled:
         return best.T_a_b, sigma
-    from slam.matching import NoMatch, match
-
     points = b.points.selected(np.arange(0, len(b.points), 1 + len(b.points) // settings.points))
-    matched = match(SubmapReference(a.points), points, best.T_a_b, settings.method, config=settings.matcher)
+    reference = Reference(a.points, LATTICE_CELL, LATTICE_SIDE)
+    matched = match(reference, points, best.T_a_b, settings.method, config=settings.matcher)
     if isinstance(matched, NoMatch):  # too few of the points have a partner: the climb's answer stands
         return best.T_a_b, sigma
     T_a_b = matched.T_reference_scan

@@ -18,7 +18,6 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.alignment.walls import surfaces
 
 SUFFIXES = (".yaml", ".pgm", ".png")
 MIN_WALLS = 10
@@ -34,6 +33,8 @@ def read_submap(path: Path) -> Submap:
     Cells beyond those that are known are cut off. Raises `FormatError` for a map that cannot be read or has
     hardly any wall.
     """
+    from stitch.alignment.walls import surfaces
+
     grid, T_map_anchor = ros_map.read_cells(path)
     walls = int(grid.occupied.sum())
     if walls < MIN_WALLS:

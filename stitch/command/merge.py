@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from slam import se2
-from slam.mapping.occupancy import MAX_CELLS, Grid
+from slam.mapping.occupancy import MAX_CELLS, Grid, dilated
 from slam.se2 import Array
-from stitch.alignment.raster import dilated
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 """Of the maps, in turn (Okabe & Ito 2008: told apart by the colour-blind)."""
@@ -59,7 +58,7 @@ def place(grid: Grid, T: Array, onto: Grid) -> Grid:
     Occupied cells are moved as points, dense enough to leave no holes; free space is looked up from the
     centre of each target cell.
     """
-    from stitch.alignment.raster_kernels import look_up
+    from stitch.alignment.raster import look_up
 
     height, width = onto.occupied.shape
     points = se2.transform(T, _dense_points(grid, onto.resolution))

@@ -16,13 +16,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from slam import se2
-from slam.graph.gauss_newton import ITERATIONS, Problem, factor_of
 from slam.graph.odometry_factors import OdometryFactorConfig, dead_reckoning_graph
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping import keyframes
 from slam.mapping.keyframes import KeyframeConfig
 from slam.matching import MatchConfig, Reference
-from slam.matching.reference import SCAN_CELL, Cloud
 from slam.odometry.dead_reckoning import DeadReckoning
 from slam.scan import Scan
 from slam.se2 import Array
@@ -95,6 +93,8 @@ def adjust_all_scans(
     ``matched (N,)`` bool marks the scans that may be matched. Keyframes that make the map are adjusted with
     each other; the remaining ones are carried along with their neighbours, then optimised with the map fixed.
     """
+    from slam.graph.gauss_newton import factor_of
+
     rows = keyframes.choose(poses, spacing)
     before, usable = poses[rows], matched[rows]
     in_map = select_map_keyframes(before, usable, config)
@@ -153,10 +153,9 @@ def adjust(
     ``factors`` holds what is not matched here (dead reckoning), at the poses to start from. Those that
     ``fixed (K,)`` bool marks (default: none) stay where they are, and the others are matched to them alone.
     """
-    from slam.matching.neighbours import build
+    from slam.graph.gauss_newton import settle
 
-    clouds = [Reference(scan).cloud for scan in scans]
-    cloud = _Cloud.of(clouds, [build(points, SCAN_CELL, SIDE) for points, *_ in clouds])
+    cloud = _Cloud.of([Reference(scan, side=SIDE) for scan in scans])
     pairs = choose_pairs(factors.poses, usable, config, fixed)
     graph = factors
     for radius in config.radii:
@@ -166,20 +165,15 @@ def adjust(
         edges, T_ij = pairs[known], T_ij[known]
         information = se2.to_body_covariance(T_ij, information[known]) / config.match_inflation
         graph = replace(factors, poses=graph.poses).with_edges(edges, T_ij, information)
-        graph = _optimise(graph, fixed, config.steps)
+        graph = settle(graph, fixed, config.steps)
     doubt = discount_tilted(misfit[known], config)[:, None, None]
     graph = replace(factors, poses=graph.poses).with_edges(edges, T_ij, information / doubt)
-    return _optimise(graph, fixed)
+    return settle(graph, fixed)
 
 
 def discount_tilted(misfit: Array, config: BundleConfig) -> Array:
     """By what the information of scan pairs is divided, given their mean χ² ``misfit (P,)``."""
     return np.maximum(1.0, misfit / config.level_misfit) ** config.tilt_discount
-
-
-def _optimise(graph: PoseGraph, fixed: np.ndarray | None, steps: int = ITERATIONS) -> PoseGraph:
-    weights = np.ones(len(graph.edges))
-    return replace(graph, poses=Problem.of(graph, fixed).descend(graph.poses, weights, steps))
 
 
 @dataclass(frozen=True)
@@ -191,11 +185,12 @@ class _Cloud:
     lattice: tuple[Any, ...]
 
     @classmethod
-    def of(cls, clouds: Sequence[Cloud], lattices: Sequence[Any]) -> _Cloud:
-        """That of clouds with their lattices, all of one cell and side."""
+    def of(cls, scans: Sequence[Reference]) -> _Cloud:
+        """That of scans whose lattices are all of one cell and side."""
+        clouds, lattices = zip(*(scan.indexed for scan in scans), strict=True)
         cell, heads, following = zip(*lattices, strict=True)
         arrays = tuple(np.concatenate(parts) for parts in zip(*clouds, strict=True))
-        offsets = np.concatenate([[0], np.cumsum([len(points) for points, *_ in clouds])]).astype(np.int64)
+        offsets = np.concatenate([[0], np.cumsum([len(scan) for scan in scans])]).astype(np.int64)
         return cls(arrays, offsets, (cell[0], np.stack(heads), np.concatenate(following)))
 
     def linearise(
@@ -223,7 +218,7 @@ def match_keyframe(
     Returns which of them ``(P,)`` bool see enough of it and leave their guess by no more than ``limit`` (m,
     rad), and of these the poses ``T_ij (M, 3)`` and their information ``(M, 3, 3)`` in the scan's body.
     """
-    cloud, count = _Cloud.of(*zip(*(r.indexed for r in (*references, scan)), strict=True)), len(references)
+    cloud, count = _Cloud.of([*references, scan]), len(references)
     pairs = np.stack([np.arange(count), np.full(count, count)], axis=1)
     T_ij = guesses
     for radius in config.radii:

@@ -6,15 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from slam import se2
-from slam.graph.cholesky import Factor
-from slam.graph.gauss_newton import factor_of, relative_covariance, solve_gnc
 from slam.graph.pose_graph import (
     DEFAULT_GNC,
     GncConfig,
@@ -129,7 +127,7 @@ class SubmapGraph:
 
     def _forget(self) -> None:
         """Forget what was computed before a submap came or a judgement changed."""
-        self._inverse: tuple[Factor, Array] | None = None
+        self._inverse: tuple[Any, Array] | None = None  # factor of the graph and its blocks
         self._relative: dict[int, Array] = {}  # covariances by submap
         self._distances: dict[int, Array] = {}  # by submap
 
@@ -200,12 +198,15 @@ class SubmapGraph:
 
     def relative_covariances(self, b: int) -> Array:
         """Covariances ``(b, 3, 3)`` of submap b as seen from each earlier one, in b's tangent."""
+        from slam.graph.gauss_newton import factor_of, relative_covariance
+
         if self._inverse is None:
             factor = factor_of(self.graph().with_only(self._all_weights() > 0.5), self.poses)
-            self._inverse = factor, factor.inverse_blocks()
+            self._inverse = (factor, factor.inverse_blocks())
         if b not in self._relative:
+            factor, blocks = self._inverse
             seen_from, node = self.nodes[:b], int(self.nodes[b])
-            self._relative[b] = relative_covariance(*self._inverse, self.poses, seen_from, node)
+            self._relative[b] = relative_covariance(factor, blocks, self.poses, seen_from, node)
         return self._relative[b]
 
     def reach(self, b: int) -> Array:
@@ -257,6 +258,8 @@ def optimise_robustly(graph: PoseGraph, config: LoopConfig, weights: Array | Non
 
     ``weights (L,)``: those the loops had until now, from which graduated non-convexity may start.
     """
+    from slam.graph.gauss_newton import solve_gnc
+
     if config.back_end == "gnc" or not np.any(graph.loop):
         return solve_gnc(graph, weights, config.gnc)
     return optimise(graph, "none")

@@ -14,7 +14,7 @@ from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.acceptance import measure_shared_area
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.raster import Raster, lattice_window, rasterise
+from stitch.alignment.raster import Raster, lattice_window, look_up, rasterise
 from stitch.alignment.result import Alternative, Prior, Stitch, max_distance
 
 
@@ -69,8 +69,6 @@ def redraw(grid: Grid, T: Array, resolution: float) -> Raster:
     A cell is occupied when the grid is at its centre (walls keep closed when cells get finer) or when the
     centre of an occupied cell falls into it (walls are not lost when they get coarser).
     """
-    from stitch.alignment.raster_kernels import look_up
-
     first, shape = lattice_window(grid, T, resolution)
     occupied, free = (
         look_up(cells, grid.origin, grid.resolution, T, first, shape, resolution)
