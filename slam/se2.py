@@ -135,11 +135,6 @@ def compose_covariance(covariance_ab: ArrayLike, T_bc: ArrayLike, covariance_bc:
     return transport(covariance_ab, inverse(T_bc)) + np.asarray(covariance_bc, dtype=np.float64)
 
 
-def inverse_covariance(T_ab: ArrayLike, covariance_ab: ArrayLike) -> Array:
-    """Covariance ``(..., 3, 3)`` of ``T_ba`` from that of ``T_ab``."""
-    return transport(covariance_ab, T_ab)
-
-
 def to_body_covariance(T: ArrayLike, covariance: ArrayLike) -> Array:
     """Right-tangent covariance ``(..., 3, 3)`` from one of additive ``(x, y, yaw)`` errors of ``T``."""
     T = _poses(T)

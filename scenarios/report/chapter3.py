@@ -18,8 +18,7 @@ from stitch.alignment.config import AlignConfig
 from stitch.alignment.hough import cross_correlation
 from stitch.alignment.result import Alternative
 from stitch.alignment.translation import correlation_along, profile
-from stitch.published.pair import Pair
-from stitch.published.spectra import DIRECTIONS, dominant_direction, four_hypotheses
+from stitch.published.spectra import DIRECTIONS, Pair, dominant_direction, four_hypotheses
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

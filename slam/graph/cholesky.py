@@ -159,14 +159,6 @@ def _subtract(out: Array, a: Array, b: Array) -> None:
 
 
 @njit(cache=True)
-def _subtract_product(out: Array, a: Array, b: Array) -> None:
-    """``out -= a b``."""
-    for r in range(3):
-        for c in range(3):
-            out[r, c] -= a[r, 0] * b[0, c] + a[r, 1] * b[1, c] + a[r, 2] * b[2, c]
-
-
-@njit(cache=True)
 def _subtract_column(lower: Array, where: np.ndarray, rows: np.ndarray, first: int, stop: int) -> None:
     """Cholesky column update: with L[j, k] the block at ``first``, subtract L[r, k] L[j, k]ᵀ from L[r, j] for
     every later row r of column k. Unrolled by hand: the hot loop.
@@ -278,14 +270,14 @@ def inverse_blocks(diagonal: Array, lower: Array, starts: np.ndarray, rows: np.n
             unit[p - first] = lower[p] @ root
         for p in range(first, last):
             k = rows[p]
-            _subtract_product(Z_lower[p], Z[k], unit[p - first])
+            _subtract(Z_lower[p], Z[k], unit[p - first].T)
             for q in range(starts[k], starts[k + 1]):
                 other = where[rows[q]]
                 if other >= 0:
-                    _subtract_product(Z_lower[other], Z_lower[q], unit[p - first])
-                    _subtract_product(Z_lower[p], Z_lower[q].T, unit[other - first])
+                    _subtract(Z_lower[other], Z_lower[q], unit[p - first].T)
+                    _subtract(Z_lower[p], Z_lower[q].T, unit[other - first].T)
         Z[j] = root.T @ root
         for p in range(first, last):
-            _subtract_product(Z[j], unit[p - first].T, Z_lower[p])
+            _subtract(Z[j], unit[p - first].T, Z_lower[p].T)
             where[rows[p]] = -1
     return Z

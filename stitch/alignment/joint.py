@@ -214,18 +214,18 @@ def _distinct(
     centres = se2.transform(poses, centre[None])[:, 0].tolist()
     yaws = poses[:, 2].tolist()
     shift, turn = settings.separation
+
+    def apart(i: int, k: int) -> bool:  # of plain numbers, which numpy is slow with
+        turned = abs((yaws[k] - yaws[i] + math.pi) % (2.0 * math.pi) - math.pi)
+        return math.dist(centres[k], centres[i]) > shift or turned > turn
+
     kept: list[int] = []
     for i in range(len(candidates)):
         if len(kept) == most:
             break
-        if all(math.dist(centres[k], centres[i]) > shift or _turn(yaws[k], yaws[i]) > turn for k in kept):
+        if all(apart(i, k) for k in kept):
             kept.append(i)
     return [candidates[i] for i in kept]
-
-
-def _turn(yaw: float, other: float) -> float:
-    """Angle [rad] between two directions; of plain numbers, which numpy is slow with."""
-    return abs((yaw - other + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def _located(a: Submap, b: Submap, field: ScoreField, best: Alternative) -> tuple[Array, Array] | NoStitch:

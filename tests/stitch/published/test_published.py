@@ -17,9 +17,8 @@ from stitch.alignment.config import DirectionConfig, FeatureConfig
 from stitch.alignment.hough import common_directions, reason_against_directions
 from stitch.alignment.raster import Raster
 from stitch.alignment.translation import lags
-from stitch.published.features import Matches, fit_rigid
-from stitch.published.pair import Pair, redraw
-from stitch.published.spectra import acceptance_index, four_hypotheses, solutions
+from stitch.published.features import fit_rigid
+from stitch.published.spectra import Pair, acceptance_index, four_hypotheses, redraw, solutions
 
 OLD = [method for method in METHODS if method != "joint"]
 PLACES = np.array([[12.0, 10.5, 0.7], [18.0, 9.0, -2.0]])
@@ -346,7 +345,7 @@ def test_a_rigid_transform_is_found_among_false_matches() -> None:
     b = rng.uniform(-10.0, 10.0, (80, 2))
     a = se2.transform(T_TRUE, b) + rng.normal(0.0, 0.02, b.shape)
     a[30:] = rng.uniform(-20.0, 20.0, (50, 2))
-    fitted = fit_rigid(Matches(a, b), AlignConfig())
+    fitted = fit_rigid(a, b, AlignConfig())
     assert fitted is not None
     assert fitted[1] >= 30
     assert error(T_TRUE, fitted[0])[0] < 0.05
@@ -357,6 +356,6 @@ def test_scale_and_mirror_are_not_rigid() -> None:
     b = np.random.default_rng(1).uniform(-10.0, 10.0, (60, 2))
     strict = AlignConfig(features=FeatureConfig(reach=1.0))
     for a in (1.3 * b, b * [1.0, -1.0]):
-        fitted = fit_rigid(Matches(a, b), strict)
+        fitted = fit_rigid(a, b, strict)
         assert fitted is None or fitted[1] < 15
-    assert fit_rigid(Matches(b[:2], 3.0 * b[:2]), strict) is None
+    assert fit_rigid(b[:2], 3.0 * b[:2], strict) is None
