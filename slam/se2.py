@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -142,6 +143,14 @@ def to_body_covariance(T: ArrayLike, covariance: ArrayLike) -> Array:
     B[..., :2, :2] = np.swapaxes(rotation(T[..., 2]), -1, -2)
     B[..., 2, 2] = 1.0
     return B @ np.asarray(covariance, dtype=np.float64) @ np.swapaxes(B, -1, -2)
+
+
+@cache
+def max_distance(confidence: float) -> float:
+    """Squared Mahalanobis distance of poses that lie within it with probability ``confidence``: χ²₃."""
+    from scipy.stats import chi2
+
+    return float(chi2.ppf(confidence, 3))
 
 
 def path_length(poses: ArrayLike) -> Array:

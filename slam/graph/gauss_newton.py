@@ -1,9 +1,7 @@
 """Least squares over a pose graph by Gauss-Newton steps, robust against false loops, and its covariances.
 
 Minimises what `slam.graph.pose_graph.optimise` has gtsam minimise, and ends at the same poses (2e-6 m), in a
-tenth of its time, with graduated non-convexity in a twenty-eighth: 1.7 against 17 ms, 2.1 against 59 ms for
-hospital's 88 nodes, 188 edges and 14 loops (the snippet in docs/pose_graph.md prints it; 2026-12, one core).
-Nothing is built edge by edge in Python, and an INS's steps need no rounds of their own. That is why it solves
+tenth of its time, with graduated non-convexity in a twenty-eighth (docs/pose_graph.md). That is why it solves
 the graph after every stitch and the bundle, which also needs fixed poses; gtsam solves the final graph once.
 """
 
@@ -66,8 +64,7 @@ class Problem:
     def of(cls, graph: PoseGraph, fixed: np.ndarray | None = None) -> Problem:
         """The problem of a graph; node 0 has a prior where ``graph.poses`` has it, and nodes that ``fixed
         (K,)`` bool marks (default: none) do not move at all."""
-        steps = graph.world_steps
-        pairs = graph.edges if steps is None else np.concatenate([graph.edges, steps.edges])
+        pairs = np.concatenate([graph.edges, graph.world_steps.edges])
         fixed = np.zeros(len(graph.poses), dtype=bool) if fixed is None else fixed
         free = ~np.any(fixed[pairs], axis=1)
         structure = Structure.of(pairs[free], len(graph.poses))
@@ -121,8 +118,7 @@ class Problem:
         graph, steps = self.graph, self.graph.world_steps
         scales = np.where(graph.heavy_tailed, CAUCHY**2, np.inf)
         edges = (graph.edges, graph.T_ij, graph.information, np.asarray(weights, dtype=np.float64), scales)
-        none = (np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)), np.zeros(0))
-        ins = none if steps is None else (steps.edges, steps.displacement, steps.variance)
+        ins = (steps.edges, steps.displacement, steps.variance)
         return edges, ins, (graph.poses[0], np.array(ANCHOR_SIGMAS) ** -2)
 
 
@@ -144,7 +140,13 @@ def solve_gnc(graph: PoseGraph, known: Array | None = None, config: GncConfig = 
     if np.all(with_all.weights == 1.0):
         return with_all
     with_none = _solve_from(problem, problem.descend(graph.poses, _edge_weights(loop, 0.0 * ones)), config)
-    return min(with_all, with_none, key=lambda solution: truncated_cost(problem, solution, config.limit))
+
+    def cost(solution: Solution) -> float:
+        """Twice the truncated least squares: χ² of what is kept, and the limit for every rejected loop."""
+        kept = problem.cost(solution.poses, _edge_weights(loop, solution.weights))
+        return 2.0 * kept + config.limit * float(np.sum(1.0 - solution.weights))
+
+    return min(with_all, with_none, key=cost)
 
 
 def _solve_from(problem: Problem, poses: Array, config: GncConfig) -> Solution:
@@ -166,12 +168,6 @@ def _solve_from(problem: Problem, poses: Array, config: GncConfig) -> Solution:
                 break
             mu *= config.growth
     return Solution(problem.descend(poses, _edge_weights(loop, weights)), weights)
-
-
-def truncated_cost(problem: Problem, solution: Solution, limit: float) -> float:
-    """Twice the truncated least squares of a solution: its χ², and ``limit`` for every rejected loop."""
-    kept = _edge_weights(problem.graph.loop, solution.weights)
-    return 2.0 * problem.cost(solution.poses, kept) + limit * float(np.sum(1.0 - solution.weights))
 
 
 def truncated_weights(squared: Array, mu: float, limit: float) -> Array:

@@ -87,7 +87,7 @@ def dead_reckoning_graph(
     """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
     at_rows = (poses if reckoning.absent else reckoning.poses)[rows]
-    world_steps = None
+    world_steps = WorldSteps()
     if reckoning.in_world:
         variance = reckoning.position_variance(np.diff(se2.path_length(reckoning.poses)[rows]))
         world_steps = WorldSteps(pairs, np.diff(reckoning.poses[rows, :2], axis=0), variance)

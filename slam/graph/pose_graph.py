@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -34,20 +33,17 @@ class GncConfig:
     inlier_probability: float = 0.99
     """Quantile of χ²₃ beyond which a loop is an outlier."""
     first_mu: float = 0.1
-    """Largest μ of the first round, where a loop counts by its error and not by its square. Beginning at the
-    μ of the worst loop, as gtsam does, ends at higher costs where the plain least squares hide false loops by
-    bending the graph."""
+    """Largest μ of the first round, where a loop counts by its error and not by its square. That of the worst
+    loop, as in gtsam, ends at higher costs where least squares hide false loops by bending the graph."""
     growth: float = 1.4
     """Factor on μ from one round to the next, as in gtsam."""
     rounds: int = 100
     """Most rounds, as in gtsam."""
 
-    @cached_property
+    @property
     def limit(self) -> float:
         """χ² beyond which a loop is an outlier."""
-        from scipy.stats import chi2
-
-        return float(chi2.ppf(self.inlier_probability, 3))
+        return se2.max_distance(self.inlier_probability)
 
 
 DEFAULT_GNC = GncConfig()
@@ -56,14 +52,17 @@ DEFAULT_GNC = GncConfig()
 @dataclass(frozen=True)
 class WorldSteps:
     """Position increments of an INS in its own world frame: ``t_j − t_i = displacement``, whatever the
-    yaw is.
+    yaw is; by default none.
 
     ``edges (W, 2)`` node indices, ``displacement (W, 2)`` m, ``variance (W,)`` m² per axis.
     """
 
-    edges: np.ndarray
-    displacement: Array
-    variance: Array
+    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    displacement: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    variance: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __len__(self) -> int:
+        return len(self.variance)
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class PoseGraph:
     ``edges (E, 2)`` indices i, j into ``poses``; ``T_ij (E, 3)``; ``information (E, 3, 3)`` in the
     tangent of j, positive semi-definite, singular where a direction is unknown; ``loop (E,)`` True for
     the edges that may be false (default: none); ``heavy_tailed (E,)`` True for those that count with a Cauchy
-    kernel (default: none); ``world_steps`` an INS's position increments, or None. Raises ``ValueError`` when
+    kernel (default: none); ``world_steps`` an INS's position increments. Raises ``ValueError`` when
     marks are not as many as edges.
     """
 
@@ -82,7 +81,7 @@ class PoseGraph:
     T_ij: Array = field(default_factory=lambda: np.zeros((0, 3)))
     information: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
     loop: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    world_steps: WorldSteps | None = None
+    world_steps: WorldSteps = field(default_factory=WorldSteps)
     heavy_tailed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
@@ -145,14 +144,17 @@ def optimise(graph: PoseGraph, loss: Loss = "gnc", gnc: GncConfig = DEFAULT_GNC)
     `RELINEARISATIONS` times. Raises ``ValueError`` when an edge's information is not positive
     semi-definite, which gtsam would accept.
     """
-    _check_information(graph)
+    _refuse(graph.edges, ~np.all(np.isfinite(graph.information), axis=(1, 2)), "information", "finite")
+    lowest = _eigenvalues(graph.information)
+    indefinite = lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0)
+    _refuse(graph.edges, indefinite, "information", "positive semi-definite")
     poses: Array = graph.poses
     weights: Array = np.ones(int(graph.loop.sum()))
     for _ in range(RELINEARISATIONS):
         before = poses
         poses, weights = _solve(replace(graph, poses=before), loss, gnc)
         change = se2.between(before, poses)
-        if graph.world_steps is None or np.max(np.abs(change)) < SETTLED:
+        if len(graph.world_steps) == 0 or np.max(np.abs(change)) < SETTLED:
             break
     return Solution(poses, weights)
 
@@ -167,15 +169,6 @@ def informations(edges: np.ndarray, covariance: Array) -> Array:
     lowest = _eigenvalues(covariance)
     _refuse(edges, lowest[:, 0] <= 1e-12 * lowest[:, 2], "covariance", "positive definite")
     return np.linalg.inv(covariance)
-
-
-def _check_information(graph: PoseGraph) -> None:
-    """gtsam takes an indefinite matrix without a word."""
-    finite = np.all(np.isfinite(graph.information), axis=(1, 2))
-    _refuse(graph.edges, ~finite, "information", "finite")
-    lowest = _eigenvalues(graph.information)
-    indefinite = lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0)
-    _refuse(graph.edges, indefinite, "information", "positive semi-definite")
 
 
 def _eigenvalues(matrices: Array) -> Array:
@@ -221,8 +214,7 @@ def to_gtsam(graph: PoseGraph) -> tuple[Any, Any]:
     ):
         factors.add(between_factor(int(i), int(j), T, information, heavy_tailed))
     factors.add(anchor_factor(graph.poses[0]))
-    if graph.world_steps is not None:
-        _add_world_steps(factors, graph.world_steps, graph.poses)
+    _add_world_steps(factors, graph.world_steps, graph.poses)
     values = gtsam.Values()
     for k, pose in enumerate(graph.poses):
         values.insert(k, gtsam.Pose2(*pose))

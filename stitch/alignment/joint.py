@@ -23,7 +23,7 @@ from stitch.alignment.config import AlignConfig, SearchConfig
 from stitch.alignment.likelihood import PRIOR_BONUS, FreeSpaceMap, count_overlap, overlap_log_odds
 from stitch.alignment.raster import Walls, rasterise, walls_of
 from stitch.alignment.refinement import ScoreField, covariance, hill_climb, prior_penalty, score_field
-from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch, max_distance
+from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 from stitch.alignment.translation import (
     LINE,
     Correlation,
@@ -86,7 +86,7 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
         return located
     T_a_b, sigma = located[0], (located[1] + located[1].T) / 2.0
     if prior is not None:
-        distance, limit = float(prior.distance(T_a_b, sigma)), max_distance(config.prior.confidence)
+        distance, limit = float(prior.distance(T_a_b, sigma)), se2.max_distance(config.prior.confidence)
         if not distance <= limit:
             reason = f"distance from the prior {distance:.3g}, expected at most {limit:.3g}"
             return NoStitch(reason, Alternative(T_a_b, best.score))

@@ -40,21 +40,10 @@ class Raster:
         return self.occupied.astype(np.float32) if self.weight is None else self.weight
 
 
-def wall_points(submap: Submap, resolution: float) -> tuple[Array, Array]:
-    """Points ``(n, 2)`` m on the submap's walls, and their mean normals ``(n, 2)``, in its own frame.
-
-    One per cell of ``resolution`` m: the mean of the submap's points in it, so that no lattice shows in the
-    Hough transform. A mean normal is shorter than 1 where the points' normals differ or some have none.
-    Points in cells the grid does not call occupied (seen through more often than hit) are left out.
-    """
-    grid, points = submap.grid, submap.points
-    return thin_points(points.points, points.normals, grid.occupied, grid.origin, grid.resolution, resolution)
-
-
 @dataclass(frozen=True)
 class Walls:
-    """A submap's `wall_points` ``(n, 2)`` with their mean normals ``facing (n, 2)``, their ``weights (n,)``,
-    and its grid for the free space."""
+    """Points ``(n, 2)`` m on a submap's walls in its own frame, their mean normals ``facing (n, 2)``, shorter
+    than 1 where normals differ or are unknown, their ``weights (n,)``, and its grid for the free space."""
 
     points: Array
     weights: Array
@@ -67,9 +56,17 @@ class Walls:
 
 
 def walls_of(submap: Submap, resolution: float, config: WallConfig = DEFAULT) -> Walls:
-    """Walls and free space of a submap, one point per cell of ``resolution`` m."""
-    points, facing = wall_points(submap, resolution)
-    return Walls(points, wall_weights(points, resolution, config), facing, submap.grid)
+    """Walls and free space of a submap.
+
+    One point per cell of ``resolution`` m: the mean of the submap's points in it, so that no lattice shows in
+    the Hough transform. Those in cells the grid does not call occupied (seen through more often than hit) are
+    left out.
+    """
+    grid, scan = submap.grid, submap.points
+    points, facing = thin_points(
+        scan.points, scan.normals, grid.occupied, grid.origin, grid.resolution, resolution
+    )
+    return Walls(points, wall_weights(points, resolution, config), facing, grid)
 
 
 def wall_weights(points: Array, resolution: float, config: WallConfig) -> Array:

@@ -1,9 +1,7 @@
-"""Bundle adjustment of scans: neighbouring keyframes matched pairwise, again and again, all poses solved
-at once.
+"""Bundle adjustment: neighbouring keyframes matched pairwise, again and again, all poses solved at once.
 
-What all poses cost at once grows with the square of the passes tied to each other. So where enough passes
-have seen a place, later ones are placed in the map of the others, which stays as it is (Kretzschmar &
-Stachniss 2012 leave them out: they say little new).
+Its cost grows with the square of the passes tied to each other. So where enough passes have seen a place,
+later ones are placed in the map of the others (Kretzschmar & Stachniss 2012 leave them out).
 """
 
 from __future__ import annotations

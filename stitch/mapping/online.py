@@ -235,9 +235,10 @@ class OnlineMapper:
         self.graph.add_node(se2.compose(self.graph.pose(i), se2.between(before, after)))
         tie = dead_reckoning_graph(self.reckoning, self.tracker.poses, rows, self.config.odometry)
         self.graph.add_edge(i, j, tie.T_ij[0], tie.information[0], bool(tie.heavy_tailed[0]))
-        if tie.world_steps is not None:
-            steps = tie.world_steps
-            self.graph.add_world_step(i, j, steps.displacement[0], float(steps.variance[0]))
+        for displacement, variance in zip(
+            tie.world_steps.displacement, tie.world_steps.variance, strict=True
+        ):
+            self.graph.add_world_step(i, j, displacement, float(variance))
 
     def _match_node(self, j: int) -> None:
         """Match node j to its neighbours, as far as that has not been done."""
@@ -259,21 +260,17 @@ class OnlineMapper:
 
     def _matchable(self, j: int) -> np.ndarray:
         """Nodes ``(K,)`` bool whose place beside node j is known well enough to match their scans."""
-        usable = np.array([node.usable for node in self._nodes])
-        return usable & np.isin([node.submap for node in self._nodes], self._near(self._nodes[j].submap))
-
-    def _near(self, number: int) -> np.ndarray:
-        """Submaps within the match distance of submap ``number``, which may be the one being driven; -1 is
-        near to nothing."""
-        graph, loops = self.submap_graph, self.config.loops
+        graph, loops, number = self.submap_graph, self.config.loops, self._nodes[j].submap
         last = len(graph.submaps) - 1
-        if number < 0 or last < 0:
-            return np.array([number] if number >= 0 else [], dtype=np.int64)
-        distance = graph.distances(min(number, last))
-        if number > last:
-            broken = graph.submaps[-1].stop != self._open
-            distance = distance + loops.length + loops.broken_edge * broken
-        return np.append(np.flatnonzero(distance <= self.config.online.match_distance), number)
+        near = np.array([number] if number >= 0 else [], dtype=np.int64)
+        if number >= 0 and last >= 0:
+            distance = graph.distances(min(number, last))
+            if number > last:  # the submap being driven
+                broken = graph.submaps[-1].stop != self._open
+                distance = distance + loops.length + loops.broken_edge * broken
+            near = np.append(np.flatnonzero(distance <= self.config.online.match_distance), near)
+        usable = np.array([node.usable for node in self._nodes])
+        return usable & np.isin([node.submap for node in self._nodes], near)
 
     # A submap
 

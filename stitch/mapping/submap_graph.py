@@ -142,7 +142,9 @@ class SubmapGraph:
             odometry = odometry.with_edges(
                 step.edges + last, step.T_ij, step.information, heavy_tailed=step.heavy_tailed
             )
-            odometry = replace(odometry, world_steps=_joined(odometry.world_steps, step.world_steps, last))
+            steps = (odometry.world_steps, replace(step.world_steps, edges=step.world_steps.edges + last))
+            columns = zip(*(vars(part).values() for part in steps), strict=True)
+            odometry = replace(odometry, world_steps=WorldSteps(*map(np.concatenate, columns)))
         self._start_from(odometry)
 
     @property
@@ -284,17 +286,6 @@ def with_weights(candidates: Sequence[LoopCandidate], weights: Array) -> tuple[L
     left = iter(weights)
     return tuple(
         replace(c, weight=float(next(left))) if isinstance(c.result, Stitch) else c for c in candidates
-    )
-
-
-def _joined(steps: WorldSteps | None, further: WorldSteps | None, first: int) -> WorldSteps | None:
-    """An INS's steps and further ones, whose nodes are counted from ``first`` on."""
-    if steps is None or further is None:
-        return further and replace(further, edges=further.edges + first)
-    return WorldSteps(
-        np.concatenate([steps.edges, further.edges + first]),
-        np.concatenate([steps.displacement, further.displacement]),
-        np.concatenate([steps.variance, further.variance]),
     )
 
 

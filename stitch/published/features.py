@@ -1,9 +1,8 @@
 """OpenCV features on the grids as pictures: what ROS users merge maps with today.
 
-As multirobot_map_merge does it: the detector's defaults, the nearest descriptor where it is clearly nearer
-than the second, one transform for as many matches as possible, and no answer when too few agree. To the
-features' advantage two things differ: the transform is rigid from the start, as grids of known resolution
-have no scale, and fewer matches need to agree.
+As in multirobot_map_merge: the detector's defaults, the nearest descriptor where clearly nearer than the
+second, one transform for as many matches as possible. In the features' favour it is rigid from the start, and
+fewer matches need to agree.
 """
 
 from __future__ import annotations

@@ -1,13 +1,11 @@
 """The aligners of the literature that read Hough spectra: the thesis's stitching, Carpin's, Censi's.
 
-htms, step by step (Formsma, ch. 3): Hough transform with whole votes and bins of one degree (the thesis gives
-its angles in whole degrees, as does its published program); spectrum (eq. 3.2); circular cross-correlation
-(eq. 3.3; k is counted as the rotation of b here); its two highest peaks, each with θ + π (section 3.4);
-dominant direction φ of map a; X and Y spectra after turning a by -φ and b by θ - φ (section 3.5); of the four
-hypotheses the one nearest the inertial sensor's rotation (sections 3.6 and 4.3). What the thesis does not
-say, and is chosen here: the size of a ρ bin (one cell); how near each other two peaks may be (10°); the size
-of a cell. Its program turns images, which thickens walls, and takes each lag two pixels short; points are
-turned here, and lags are right.
+htms (Formsma, ch. 3): Hough transform with whole votes and bins of one degree; spectrum (eq. 3.2); circular
+cross-correlation (eq. 3.3; k is counted as the rotation of b here); its two highest peaks, each with θ + π
+(section 3.4); dominant direction φ of map a; X and Y spectra after turning a by -φ and b by θ - φ (section
+3.5); of the four hypotheses the one nearest the inertial sensor's rotation (sections 3.6 and 4.3). Chosen
+here: the size of a ρ bin (one cell) and of a cell, and how near each other two peaks may be (10°). Points are
+turned, not images, and lags are not two pixels short as in the thesis's program.
 
 carpin: S. Carpin, "Fast and accurate map merging for multi-robot systems", Autonomous Robots 25, 2008.
 censi: A. Censi, L. Iocchi, G. Grisetti, "Scan matching in the Hough domain", ICRA 2005.
@@ -30,7 +28,7 @@ from stitch.alignment.acceptance import measure_shared_area
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.hough import common_directions, hypotheses, reason_against_directions
 from stitch.alignment.raster import Raster, common_windows, lattice_window, look_up, rasterise
-from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch, max_distance
+from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 from stitch.alignment.translation import by_spectra, lags
 
 PEAKS = 2
@@ -80,7 +78,7 @@ def near(candidates: list[Alternative], prior: Prior | None, config: AlignConfig
     """Candidates that the prior does not exclude; all of them without a prior."""
     if prior is None:
         return candidates
-    limit = max_distance(config.prior.confidence)
+    limit = se2.max_distance(config.prior.confidence)
     return [candidate for candidate in candidates if prior.distance(candidate.T_a_b) <= limit]
 
 

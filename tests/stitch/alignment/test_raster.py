@@ -16,7 +16,7 @@ from stitch.alignment.raster import (
     rasterise,
     straight_run_lengths,
     thin_points,
-    wall_points,
+    walls_of,
 )
 
 
@@ -26,9 +26,9 @@ def test_wall_points_are_thinned_and_leave_out_what_was_seen_through(plan: dict[
     free[2, 3] = False
     points = np.array([[3.2, 2.4], [3.4, 2.6], [7.5, 7.5], [-1.0, 2.0], [30.0, 2.0]])
     submap = Submap(0, 1, np.zeros(3), plan["scan_of"](points), Grid(occupied, free, np.zeros(2), 1.0))
-    points, facing = wall_points(submap, 1.0)
-    np.testing.assert_allclose(points, [[3.3, 2.5]])
-    np.testing.assert_array_equal(facing, [[0.0, 0.0]])
+    walls = walls_of(submap, 1.0)
+    np.testing.assert_allclose(walls.points, [[3.3, 2.5]])
+    np.testing.assert_array_equal(walls.facing, [[0.0, 0.0]])
 
 
 def test_rotated_free_space_has_no_holes() -> None:

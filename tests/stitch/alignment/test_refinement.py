@@ -23,7 +23,7 @@ from stitch.alignment.refinement import (
     score_field,
     sum_along,
 )
-from stitch.alignment.result import Prior, max_distance
+from stitch.alignment.result import Prior
 from stitch.alignment.translation import LINE, correlate, padded_shape, spectra
 
 CONFIG = AlignConfig(
@@ -159,8 +159,8 @@ def test_the_covariance_of_the_pose_adds_to_that_of_the_prior() -> None:
     prior = Prior(np.zeros(3), np.diag([1.0, 4.0, 0.01]))
     T, sigma = np.array([2.0, 2.0, 0.1]), np.diag([3.0, 4.0, 0.03])
     assert prior.distance(T, sigma) == pytest.approx(4.0 / 4.0 + 4.0 / 8.0 + 0.01 / 0.04)
-    assert max_distance(0.999) == pytest.approx(16.266, abs=1e-3)  # the χ² table's, 3 degrees of freedom
-    assert max_distance(1.0) == np.inf
+    assert se2.max_distance(0.999) == pytest.approx(16.266, abs=1e-3)  # the χ² table's, 3 degrees of freedom
+    assert se2.max_distance(1.0) == np.inf
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
