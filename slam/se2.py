@@ -114,14 +114,10 @@ def log(T: ArrayLike) -> Array:
 def adjoint(T: ArrayLike) -> Array:
     """Adjoint ``(..., 3, 3)`` with ``T ∘ exp(ξ) = exp(Ad(T) ξ) ∘ T``."""
     T = _poses(T)
-    c, s = np.cos(T[..., 2]), np.sin(T[..., 2])
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    rows = [
-        np.stack([c, -s, T[..., 1]], -1),
-        np.stack([s, c, -T[..., 0]], -1),
-        np.stack([zero, zero, one], -1),
-    ]
-    return np.stack(rows, -2)
+    A = np.zeros((*T.shape, 3))
+    A[..., :2, :2] = rotation(T[..., 2])
+    A[..., 0, 2], A[..., 1, 2], A[..., 2, 2] = T[..., 1], -T[..., 0], 1.0
+    return A
 
 
 def transport(covariance: ArrayLike, T: ArrayLike) -> Array:

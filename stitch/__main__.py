@@ -20,7 +20,7 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.align import METHODS, AlignConfig, NoStitch, Prior, align
 from stitch.command import maps, merge
-from stitch.command.answer import as_json, as_text, in_words
+from stitch.command.maps import as_json, as_text, in_words
 
 if TYPE_CHECKING:
     Method = str

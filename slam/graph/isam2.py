@@ -34,9 +34,6 @@ class IncrementalGraph:
         self._add(anchor_factor(first))
         self.update()
 
-    def __len__(self) -> int:
-        return self._count
-
     def add_node(self, guess: Array) -> int:
         """A new node near ``guess (3,)``; returns its index. It needs an edge before the next `update`."""
         import gtsam

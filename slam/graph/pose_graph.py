@@ -257,10 +257,3 @@ def _add_world_steps(factors: Any, steps: WorldSteps, poses: Array) -> None:
         at.insert(int(i), gtsam.Pose2(*poses[i]))
         at.insert(int(j), gtsam.Pose2(*poses[j]))
         factors.add(gtsam.LinearContainerFactor(row, at))
-
-
-def chi_squared(graph: PoseGraph, poses: Array) -> Array:
-    """Squared normalised residual ``(E,)`` of every edge at ``poses (K, 3)``."""
-    i, j = graph.edges.T
-    residual = se2.log(se2.between(graph.T_ij, se2.between(poses[i], poses[j])))
-    return np.einsum("ea,eab,eb->e", residual, graph.information, residual)

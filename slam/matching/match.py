@@ -14,16 +14,7 @@ from importlib import import_module
 
 import numpy as np
 
-from slam.matching.config import (
-    COVARIANCE_MODES,
-    DEFAULT,
-    ICP,
-    PLICP,
-    WSM,
-    CovarianceMode,
-    MatchConfig,
-    Method,
-)
+from slam.matching.config import COVARIANCE_MODES, DEFAULT, ICP, PLICP, WSM, CovarianceMode, MatchConfig
 from slam.matching.reference import LocalMap, Reference
 from slam.matching.result import Match, NoMatch
 from slam.scan import Scan
@@ -158,7 +149,7 @@ def match(
     reference: Scan | Reference | LocalMap,
     scan: Scan | Reference,
     guess: Array,
-    method: Method = "plicp",
+    method: str = "plicp",
     covariance: CovarianceMode = "p2l",
     prior_information: Array | None = None,
     config: MatchConfig = DEFAULT,

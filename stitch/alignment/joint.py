@@ -11,28 +11,12 @@ from slam import se2
 from slam.mapping.submap import Submap
 from slam.matching import NoMatch, Reference, match
 from slam.se2 import Array
-from stitch.alignment import hough
-from stitch.alignment.acceptance import (
-    CandidateScores,
-    SharedArea,
-    acceptance_log_odds,
-    measure_shared_area,
-    reason_against,
-)
+from stitch.alignment import acceptance, hough, translation
 from stitch.alignment.config import AlignConfig, SearchConfig
 from stitch.alignment.likelihood import PRIOR_BONUS, FreeSpaceMap, count_overlap, overlap_log_odds
 from stitch.alignment.raster import Walls, rasterise, walls_of
 from stitch.alignment.refinement import ScoreField, covariance, hill_climb, prior_penalty, score_field
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.alignment.translation import (
-    LINE,
-    Correlation,
-    best_shifts,
-    correlate,
-    padded_shape,
-    spectra,
-    transform_shape,
-)
 
 LATTICE_CELL, LATTICE_SIDE = 0.1, 512
 """Cells [m] of the lattice that finds a submap's points, and how many along a side: it repeats itself every
@@ -77,8 +61,8 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
         return NoStitch("the prior leaves no alignment at which the maps touch")
     best, *others = candidates
     shared, scores = score_best(problem, candidates)
-    belief = acceptance_log_odds(shared, scores)
-    reason = reason_against(shared, scores, belief, config.acceptance)
+    belief = acceptance.acceptance_log_odds(shared, scores)
+    reason = acceptance.reason_against(shared, scores, belief, config.acceptance)
     if reason is not None:
         return NoStitch(reason, best)
     located = _located(a, b, problem.field, best)
@@ -148,16 +132,18 @@ def search(a: Walls, b: Walls, angles: Array, prior: Prior | None, config: Align
         for pair in paired_half_turns(angles)
     ]
     window = None if prior is None else _window(prior, config)
-    shape = padded_shape(raster_a, [raster for _, raster in turned], settings.blur, window)
+    shape = translation.padded_shape(raster_a, [raster for _, raster in turned], settings.blur, window)
     # one large piece of memory for all, which the system then leaves to us from one alignment to the next
-    memory_a, memory_b = np.empty((2, 4, *transform_shape(shape)), dtype=np.complex64)
-    spectra_a = spectra(raster_a, shape, memory_a)
+    memory_a, memory_b = np.empty((2, 4, *translation.transform_shape(shape)), dtype=np.complex64)
+    spectra_a = translation.spectra(raster_a, shape, memory_a)
     found: dict[float, list[Alternative]] = {settings.free_penalty: [], settings.lenient_penalty: []}
     for (*yaws,), raster_b in turned:
-        upright = spectra(raster_b, shape, memory_b)
+        upright = translation.spectra(raster_b, shape, memory_b)
         for k, yaw in enumerate(yaws):
             spectra_b = upright.half_turned() if k else upright
-            correlation = correlate(spectra_a, spectra_b, settings.blur, window, settings.facing_share)
+            correlation = translation.correlate(
+                spectra_a, spectra_b, settings.blur, window, settings.facing_share
+            )
             for penalty, alternatives in found.items():
                 alternatives += _shifts(correlation, penalty, yaw, prior, config)
     centre = b.points.mean(axis=0)
@@ -181,7 +167,7 @@ def paired_half_turns(angles: Array) -> list[list[float]]:
 
 
 def _shifts(
-    correlation: Correlation, penalty: float, yaw: float, prior: Prior | None, config: AlignConfig
+    correlation: translation.Correlation, penalty: float, yaw: float, prior: Prior | None, config: AlignConfig
 ) -> list[Alternative]:
     """The best shifts of one rotation."""
     score = correlation.score(penalty)
@@ -194,7 +180,7 @@ def _shifts(
             np.array([*(correlation.first + correlation.resolution * np.array([column, row])), yaw]),
             float(score[row, column]),
         )
-        for row, column in best_shifts(score, config.search.shifts_per_rotation, separation)
+        for row, column in translation.best_shifts(score, config.search.shifts_per_rotation, separation)
     ]
 
 
@@ -249,16 +235,18 @@ def _located(a: Submap, b: Submap, field: ScoreField, best: Alternative) -> tupl
 
 def score_best(
     problem: AlignmentProblem, candidates: list[Alternative]
-) -> tuple[SharedArea, CandidateScores]:
+) -> tuple[acceptance.SharedArea, acceptance.CandidateScores]:
     """What the maps share at the first of the candidates, and all its scores."""
     (best, *others), field = candidates, problem.field
     b, T_a_b, config, prior = problem.b.walls, best.T_a_b, field.config, field.prior
-    shared = measure_shared_area(field.raster_a, rasterise(b.points, b.grid, T_a_b, config.resolution))
+    shared = acceptance.measure_shared_area(
+        field.raster_a, rasterise(b.points, b.grid, T_a_b, config.resolution)
+    )
     around = np.pi / 4.0 * np.arange(8)
     shifts = config.acceptance.slide * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
-    left = field.agreement(T_a_b + shifts) - field.penalty / LINE * field.conflict(T_a_b + shifts)
+    left = field.agreement(T_a_b + shifts) - field.penalty / translation.LINE * field.conflict(T_a_b + shifts)
     agreement = float(field.agreement(T_a_b[None])[0])
-    scores = CandidateScores(
+    scores = acceptance.CandidateScores(
         log_odds=best.score,
         rivals=tuple(other.score for other in others),
         positional_distinctness=1.0 - float(left.max()) / max(agreement, 1e-9),

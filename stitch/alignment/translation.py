@@ -200,7 +200,11 @@ def correlate(
     if window is not None:
         low = np.maximum(low, np.floor(window[0] / a.resolution - offset)).astype(int)
         high = np.minimum(high, np.ceil(window[1] / a.resolution - offset)).astype(int)
-    agreement, conflict = (_lags(irfft2(product, s=a.shape, workers=1), low, high) for product in products)
+    width, height = np.maximum(high - low + 1, 0)
+    agreement, conflict = (  # negative lags sit at the end
+        np.roll(irfft2(product, s=a.shape, workers=1), (-low[1], -low[0]), axis=(0, 1))[:height, :width]
+        for product in products
+    )
     return Correlation(agreement, conflict, a.resolution * (offset + low), a.resolution)
 
 
@@ -228,26 +232,6 @@ def multiply_spectra(a: np.ndarray, b: np.ndarray, gain: np.ndarray, alike: floa
         agreement[k] = flat[k] * (one * walls_a[k] * walls + other * facing)
         conflict[k] = free_a[k] * walls + walls_a[k] * free
     return out
-
-
-def _lags(field: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The lags from ``low`` to ``high`` (column, row) of ``(H, W)``; negative ones sit at the end."""
-    out = np.empty(np.maximum(high - low + 1, 0)[::-1], dtype=field.dtype)
-    for rows, to_rows in _pieces(int(low[1]), int(high[1])):
-        for columns, to_columns in _pieces(int(low[0]), int(high[0])):
-            out[to_rows, to_columns] = field[rows, columns]
-    return out
-
-
-def _pieces(low: int, high: int) -> list[tuple[slice, slice]]:
-    """Where lags from ``low`` to ``high`` are, and where they go: the negative ones, then the others."""
-    below, above = min(high + 1, 0), max(low, 0)
-    pieces = []
-    if low < below:
-        pieces.append((slice(low, below or None), slice(0, below - low)))
-    if above <= high:
-        pieces.append((slice(above, high + 1), slice(above - low, high + 1 - low)))
-    return pieces
 
 
 @lru_cache(maxsize=2)

@@ -18,8 +18,7 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 from slam.table import Table, number
 from stitch.alignment.result import NoStitch, Stitch
-from stitch.command.answer import as_json, margin
-from stitch.command.maps import between_maps, deviations, pose_between_maps
+from stitch.command.maps import as_json, between_maps, deviations, margin, pose_between_maps
 
 Pair = tuple[int, int]
 COLUMNS = ["map", "in the frame of", "verdict", "x [m]", "y [m]", "yaw [°]"]

@@ -1,4 +1,5 @@
-"""ROS maps as submaps, read and written; alignments in their frames and in those of the submaps' anchors."""
+"""ROS maps as submaps, read and written; alignments in their frames and in their anchors', and how they are
+told: an object for JSON, lines to read."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -155,3 +157,64 @@ def write_map(out: Path, grid: Grid, yaw: float, picture: bytes) -> list[Path]:
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
     return finals
+
+
+def as_json(result: Stitch | NoStitch) -> dict[str, Any]:
+    """An alignment of two maps in m, m² and rad; ``null`` is what there is none of.
+
+    ``std`` are the standard deviations of the three numbers of ``T_a_b``; ``belief`` is the probability that
+    they are right at all, as of simulated pairs like these; ``alternatives`` are the other candidates, best
+    first; of a refusal all of them are, the best one too.
+    """
+    content: dict[str, Any] = {"accepted": isinstance(result, Stitch)}
+    content |= dict.fromkeys(("T_a_b", "std", "overlap_m2", "agreement", "margin", "reason"))
+    if isinstance(result, NoStitch):
+        content["reason"], belief = result.reason, None
+        others = [] if result.best is None else [result.best]
+    else:
+        others, belief = list(result.alternatives), result.belief
+        content["T_a_b"] = result.T_a_b.tolist()
+        if result.covariance is not None:
+            content["std"] = deviations(result.T_a_b, result.covariance).tolist()
+        content["overlap_m2"], content["agreement"] = result.overlap_area, result.agreement
+        content["margin"] = margin(result)
+    content["alternatives"] = [{"T_a_b": other.T_a_b.tolist(), "score": other.score} for other in others]
+    return content | {"belief": None if belief is None else _probability(belief)}
+
+
+def _probability(log_odds: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-log_odds)))
+
+
+def margin(stitch: Stitch) -> float | None:
+    """What the runner-up lacks of the best score, as a share of it; None without a runner-up."""
+    if not stitch.alternatives or not stitch.score > 0.0:
+        return None
+    return 1.0 - stitch.alternatives[0].score / stitch.score
+
+
+def in_words(T_a_b: Array) -> str:
+    """A pose in one line, in m and degrees."""
+    return f"x {T_a_b[0]:.3f} m, y {T_a_b[1]:.3f} m, yaw {np.degrees(T_a_b[2]):.2f}°"
+
+
+def as_text(stitch: Stitch, a: str, b: str) -> str:
+    """The stitch of map ``b`` to map ``a``, one line for each thing to know."""
+    std = None if stitch.covariance is None else deviations(stitch.T_a_b, stitch.covariance)
+    numbers = zip(("x", "y", "yaw"), stitch.T_a_b, "mm°", [None] * 3 if std is None else std, strict=True)
+    lines = [f"{b} in the frame of {a}"]
+    for name, value, unit, sigma in numbers:
+        factor = 180.0 / np.pi if unit == "°" else 1.0
+        spread = "" if sigma is None else f" ± {factor * sigma:.3f}"
+        exactly = f"   ({value:.5f} rad)" if unit == "°" else ""
+        lines.append(f"  {name:<9} {factor * value:10.3f}{spread} {unit}{exactly}")
+    if std is None:
+        lines.append("  the method tells nothing of how sure it is")
+    lines.append(f"  overlap   {stitch.overlap_area:10.1f} m²")
+    lines.append(f"  agreement {stitch.agreement:10.2f} of the walls in the overlap are in both maps")
+    if stitch.belief is not None:
+        lines.append(f"  belief    {100.0 * _probability(stitch.belief):10.1f} % that it is right at all")
+    lead = margin(stitch)
+    rival = "none" if lead is None else f"{in_words(stitch.alternatives[0].T_a_b)}, margin {lead:.2f}"
+    lines.append(f"  runner-up {rival}")
+    return "\n".join(lines)

@@ -191,17 +191,14 @@ class _Cloud:
         offsets = np.concatenate([[0], np.cumsum([len(scan) for scan in scans])]).astype(np.int64)
         return cls(arrays, offsets, (cell[0], np.stack(heads), np.concatenate(following)))
 
-    def linearise(
-        self, pairs: np.ndarray, guesses: Array, radius: float, config: BundleConfig
-    ) -> tuple[Array, Array, np.ndarray, Array]:
+    def linearise(self, pairs: np.ndarray, guesses: Array, radius: float, config: BundleConfig) -> Any:
         """One step of each pair ``(P, 2)`` from ``guesses (P, 3)``, as `slam.matching.kernels` has it."""
         from slam.matching.kernels import linearise_pairs
 
-        result: tuple[Array, Array, np.ndarray, Array] = linearise_pairs(
+        return linearise_pairs(
             self.arrays, self.offsets, self.lattice, pairs, guesses, radius,
             config.robust, config.fade, config.length, config.same_side, config.freeze_ratio,
         )  # fmt: skip
-        return result
 
 
 def match_keyframe(

@@ -143,13 +143,11 @@ class OnlineMapper:
         ignored, and the next one may be processed.
         """
         log = self.measurements
-        if isinstance(ranges, Scan):
-            scan, ranges = ranges, ranges.to_ranges(log.angles, log.laser)
-            log.append(ranges, time, dead_reckoning, attitude)
-        else:
-            log.append(ranges, time, dead_reckoning, attitude)
-            scan = Scan.from_ranges(log.ranges[-1], log.angles, log.laser, self.config.frontend.scan)
-        return self._step(scan, self.tilt.is_tilted(attitude))
+        seen = ranges.to_ranges(log.angles, log.laser) if isinstance(ranges, Scan) else ranges
+        log.append(seen, time, dead_reckoning, attitude)
+        if not isinstance(ranges, Scan):
+            ranges = Scan.from_ranges(log.ranges[-1], log.angles, log.laser, self.config.frontend.scan)
+        return self._step(ranges, self.tilt.is_tilted(attitude))
 
     def estimate(self) -> Estimate:
         """The whole drive as the final graph has it, all work done; no scan may follow.
@@ -166,8 +164,7 @@ class OnlineMapper:
         track, rows, poses = self.tracker.track(), self._rows(), self.graph.poses()
         submap_graph = self.submap_graph
         starts = submap_graph.starts
-        anchors = poses[np.searchsorted(rows, starts)]
-        after = replace(submap_graph.graph(), poses=anchors) if starts else None
+        after = replace(submap_graph.graph(), poses=poses[self._anchors()]) if starts else None
         return Estimate(
             "slamstitch_online",
             keyframes.carry(track.poses, rows, poses),
@@ -210,9 +207,9 @@ class OnlineMapper:
         """Scan numbers ``(K,)`` of the nodes."""
         return np.array([node.row for node in self._nodes])
 
-    def _node_of(self, submap: int) -> int:
-        """The node of a submap's anchor."""
-        return int(np.searchsorted(self._rows(), self.submap_graph.starts[submap]))
+    def _anchors(self) -> np.ndarray:
+        """Nodes ``(S,)`` of the submaps' anchors."""
+        return np.searchsorted(self._rows(), self.submap_graph.starts)
 
     def _is_keyframe(self, k: int) -> bool:
         spacing = self.config.keyframes
@@ -311,7 +308,7 @@ class OnlineMapper:
             ends = np.array([self.submap_graph.submaps[-1].start, start])
             step = odometry_graph(self.reckoning, self.tracker.track(), ends, self.config.odometry)
         self.submap_graph.add(submap, step)
-        self._place_submaps()
+        self.submap_graph.poses = self.graph.poses()[self._anchors()]
         if number > 0:
             self._waiting_stitches += [(a, number) for a in self.submap_graph.candidates(number)]
 
@@ -323,11 +320,6 @@ class OnlineMapper:
             path = se2.path_length(self.tracker.poses[start:stop])[-1]
             return len(submaps) - (path < 0.5 * self.config.loops.length)
         return len(submaps) if self._steps >= self.config.segmentation.least_steps else -1
-
-    def _place_submaps(self) -> None:
-        """Bring the submaps' poses in line with the graph's."""
-        anchors = np.searchsorted(self._rows(), self.submap_graph.starts)
-        self.submap_graph.poses = self.graph.poses()[anchors]
 
     # Work that waits
 
@@ -343,7 +335,7 @@ class OnlineMapper:
     def _try_stitch(self, a: int, b: int) -> None:
         """Stitch submaps a and b; a stitch that agrees with the graph counts, another makes it judge anew."""
         submap_graph = self.submap_graph
-        self._place_submaps()
+        submap_graph.poses = self.graph.poses()[self._anchors()]
         prior = submap_graph.search_prior(a, b)
         result = self.stitch(submap_graph.submaps[a], submap_graph.submaps[b], prior)
         result = gate_by_belief(result, prior, self.config.loops.least_belief)
@@ -360,7 +352,7 @@ class OnlineMapper:
     def _innovation(self, a: int, b: int, stitch: Stitch) -> float:
         """Squared Mahalanobis distance of a stitch from where the graph expects it."""
         assert stitch.covariance is not None
-        i, j = self._node_of(a), self._node_of(b)
+        i, j = self._anchors()[[a, b]].tolist()
         off = se2.log(se2.between(se2.between(self.graph.pose(i), self.graph.pose(j)), stitch.T_a_b))
         covariance = self.graph.relative_covariance(i, j) + stitch.covariance
         return float(off @ np.linalg.solve(covariance, off))
@@ -374,8 +366,8 @@ class OnlineMapper:
         for a, b in added:
             stitch = trusted[a, b]
             information = informations(np.array([[a, b]]), np.asarray(stitch.covariance))[0]
-            edge = self.graph.add_edge(self._node_of(a), self._node_of(b), stitch.T_a_b, information)
-            self._loops[a, b] = edge
+            i, j = self._anchors()[[a, b]]
+            self._loops[a, b] = self.graph.add_edge(i, j, stitch.T_a_b, information)
             self._waiting_nodes |= {n: None for n, node in enumerate(self._nodes) if node.submap >= b}
         self._loops_changed |= bool(dropped or added)
 

@@ -13,16 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from slam import se2
-from slam.graph.pose_graph import (
-    DEFAULT_GNC,
-    GncConfig,
-    Loss,
-    PoseGraph,
-    Solution,
-    WorldSteps,
-    informations,
-    optimise,
-)
+from slam.graph.pose_graph import GncConfig, Loss, PoseGraph, Solution, WorldSteps, informations, optimise
 from slam.mapping.submap import Submap
 from slam.recording import Source
 from slam.se2 import Array
@@ -83,7 +74,7 @@ class LoopConfig:
     """How two submaps are aligned: those of a few metres bend less than its default says."""
     back_end: Loss = "gnc"
     """How the graph judges stitches, one of `BACK_ENDS`."""
-    gnc: GncConfig = DEFAULT_GNC
+    gnc: GncConfig = field(default_factory=GncConfig)
     """Graduated non-convexity."""
 
     def __post_init__(self) -> None:
@@ -122,7 +113,8 @@ class SubmapGraph:
         broken = np.array([a.stop != b.start for a, b in pairwise(self.submaps)], dtype=float)
         walked = np.linalg.norm(np.diff(odometry.poses[self.nodes, :2], axis=0), axis=1)
         self._steps = walked + self.config.broken_edge * broken
-        self._middles = np.array([_middle(submap) for submap in self.submaps])
+        points = [submap.points.points for submap in self.submaps]
+        self._middles = np.array([p.mean(axis=0) if len(p) else np.zeros(2) for p in points])
         self._forget()
 
     def _forget(self) -> None:
@@ -287,9 +279,3 @@ def with_weights(candidates: Sequence[LoopCandidate], weights: Array) -> tuple[L
     return tuple(
         replace(c, weight=float(next(left))) if isinstance(c.result, Stitch) else c for c in candidates
     )
-
-
-def _middle(submap: Submap) -> Array:
-    """Middle ``(2,)`` of a submap's points; its anchor where it has none."""
-    points = submap.points.points
-    return points.mean(axis=0) if len(points) else np.zeros(2)

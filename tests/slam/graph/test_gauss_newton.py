@@ -8,13 +8,19 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam.graph.gauss_newton import Problem, marginals, relative_covariance, solve_gnc, truncated_weights
+from slam.graph.gauss_newton import (
+    Problem,
+    chi_squared,
+    marginals,
+    relative_covariance,
+    solve_gnc,
+    truncated_weights,
+)
 from slam.graph.pose_graph import (
     CAUCHY,
     GncConfig,
     PoseGraph,
     WorldSteps,
-    chi_squared,
     optimise,
     to_gtsam,
 )
