@@ -21,8 +21,7 @@ def align(
     ``config.method`` is one of `METHODS`. With "joint" rotations come from Hough spectra (Carpin 2008) or
     from around the prior, translations from a joint correlation that penalises walls in free space, and an
     answer is only given when it passes `stitch.alignment.config.Acceptance`. The others are the methods of
-    the literature; each tells when it refuses. None of them has a covariance. All are
-    deterministic.
+    the literature, which have no covariance; each tells when it refuses. All are deterministic.
     """
     for name, submap in (("a", a), ("b", b)):
         if not submap.grid.occupied.any():

@@ -161,8 +161,7 @@ def _subtract(out: Array, a: Array, b: Array) -> None:
 @njit(cache=True)
 def _subtract_column(lower: Array, where: np.ndarray, rows: np.ndarray, first: int, stop: int) -> None:
     """Cholesky column update: with L[j, k] the block at ``first``, subtract L[r, k] L[j, k]ᵀ from L[r, j] for
-    every later row r of column k. Unrolled by hand: the hot loop.
-    """
+    every later row r of column k. Unrolled by hand: the hot loop."""
     a, b, c = lower[first, 0, 0], lower[first, 0, 1], lower[first, 0, 2]
     d, e, f = lower[first, 1, 0], lower[first, 1, 1], lower[first, 1, 2]
     g, h, i = lower[first, 2, 0], lower[first, 2, 1], lower[first, 2, 2]

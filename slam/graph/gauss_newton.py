@@ -288,13 +288,11 @@ def cost_of(poses: Array, edges: Edges, steps: Steps, pin: Pin) -> float:
 
 
 @njit(cache=True)
-def _add(a: Array, b: Array, information: Array, r: Array, out: Array, gradient: Array) -> None:
-    """``out += aᵀ information b`` and ``gradient += aᵀ information r``."""
+def _add(a: Array, b: Array, L: Array, r: Array, out: Array, gradient: Array) -> None:
+    """``out += aᵀ L b`` and ``gradient += aᵀ L r``."""
     for row in range(3):
         for k in range(3):
-            left = (
-                a[0, row] * information[0, k] + a[1, row] * information[1, k] + a[2, row] * information[2, k]
-            )
+            left = a[0, row] * L[0, k] + a[1, row] * L[1, k] + a[2, row] * L[2, k]
             gradient[row] += left * r[k]
             for column in range(3):
                 out[row, column] += left * b[k, column]

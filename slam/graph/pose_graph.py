@@ -128,9 +128,7 @@ class PoseGraph:
 
 @dataclass(frozen=True)
 class Solution:
-    """Optimised ``poses (K, 3)`` and the ``weights (L,)`` left to the loop edges in their order (1 kept, 0
-    switched off).
-    """
+    """Optimised ``poses (K, 3)`` and ``weights (L,)`` of the loops in their order: 1 kept, 0 switched off."""
 
     poses: Array
     weights: Array

@@ -162,11 +162,6 @@ def features(shared: SharedArea, scores: CandidateScores) -> Array:
     )
 
 
-def acceptance_log_odds(shared: SharedArea, scores: CandidateScores) -> float:
-    """Log-odds that the alignment is right."""
-    return float(AcceptanceClassifier.learnt().log_odds(features(shared, scores)))
-
-
 def reason_against(
     shared: SharedArea, scores: CandidateScores, belief: float, limits: Acceptance
 ) -> str | None:

@@ -61,7 +61,8 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
         return NoStitch("the prior leaves no alignment at which the maps touch")
     best, *others = candidates
     shared, scores = score_best(problem, candidates)
-    belief = acceptance.acceptance_log_odds(shared, scores)
+    classifier = acceptance.AcceptanceClassifier.learnt()
+    belief = float(classifier.log_odds(acceptance.features(shared, scores)))
     reason = acceptance.reason_against(shared, scores, belief, config.acceptance)
     if reason is not None:
         return NoStitch(reason, best)

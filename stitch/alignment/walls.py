@@ -55,7 +55,9 @@ def surfaces(grid: Grid, config: SurfaceConfig = DEFAULT) -> Scan:
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], -1)
     centres = cells[:, ::-1] + 0.5
     on_line = centres + np.sum(mean * normal, axis=1, keepdims=True) * normal
-    kept = straight & _inside(grid.occupied, on_line)
+    height, width = grid.occupied.shape
+    column, row = np.floor(on_line).astype(np.int64).T + 1
+    kept = straight & np.pad(grid.occupied, 1)[row.clip(0, height + 1), column.clip(0, width + 1)]
     points = grid.origin + np.where(kept[:, None], on_line, centres) * grid.resolution
     across = np.maximum(scatter[:, 1], ROUNDING)
     deviation = np.sqrt(across / (count * np.maximum(scatter[:, 0], ROUNDING)))
@@ -116,14 +118,6 @@ def _faces(straight: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, Array]:
     rough = np.flatnonzero(~straight)
     sign = np.repeat([1.0, -1.0, np.nan], [len(left), len(right), len(rough)])
     return np.concatenate([left, right, rough]), sign
-
-
-def _inside(cells: np.ndarray, points: Array) -> np.ndarray:
-    """Which of the points ``(n, 2)``, in cells, lie in true cells."""
-    column, row = np.floor(points).astype(np.int64).T
-    within = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
-    within[within] = cells[row[within], column[within]]
-    return within
 
 
 def _open(grid: Grid) -> np.ndarray:

@@ -13,7 +13,6 @@ from stitch.alignment.acceptance import (
     AcceptanceClassifier,
     CandidateScores,
     SharedArea,
-    acceptance_log_odds,
     features,
     measure_shared_area,
     reason_against,
@@ -83,17 +82,21 @@ def test_a_saved_classifier_is_the_same(tmp_path: Path) -> None:
     assert again.log_odds(x) == pytest.approx(float(learnt.log_odds(x)), abs=1e-3)
 
 
+def belief(of: CandidateScores) -> float:
+    return float(AcceptanceClassifier.learnt().log_odds(features(SHARED, of)))
+
+
 def test_what_speaks_for_and_against_an_alignment_moves_the_log_odds() -> None:
     """What no classifier that has learnt anything would have the other way round."""
-    fair = acceptance_log_odds(SHARED, scores())
-    assert acceptance_log_odds(SHARED, scores(log_odds=-3.0, rivals=(-3.5,))) < fair
-    assert acceptance_log_odds(SHARED, scores(rivals=(7.5, 7.4, 7.3))) < fair
+    fair = belief(scores())
+    assert belief(scores(log_odds=-3.0, rivals=(-3.5,))) < fair
+    assert belief(scores(rivals=(7.5, 7.4, 7.3))) < fair
     overlap = scores().overlap
     contradicted, walled_up = overlap.counts.copy(), np.array([20, 3, 60])
     contradicted[:, 1, 6] = 300
-    assert acceptance_log_odds(SHARED, scores(overlap=replace(overlap, counts=contradicted))) < fair
-    assert acceptance_log_odds(SHARED, scores(overlap=replace(overlap, gaps=walled_up))) < fair
-    assert acceptance_log_odds(SHARED, scores(log_odds=20.0, rivals=(-2.0,))) > fair
+    assert belief(scores(overlap=replace(overlap, counts=contradicted))) < fair
+    assert belief(scores(overlap=replace(overlap, gaps=walled_up))) < fair
+    assert belief(scores(log_odds=20.0, rivals=(-2.0,))) > fair
     assert fair > 0.0
 
 
