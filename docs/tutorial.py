@@ -26,7 +26,7 @@ from sim.record import Setup, simulate
 from sim.terrain import Terrain
 from sim.world import World
 from slam import se2
-from slam.graph.marginals import marginals
+from slam.graph.gauss_newton import marginals
 from slam.graph.odometry_factors import odometry_graph
 from slam.graph.pose_graph import informations, optimise
 from slam.mapping.submap import cut

@@ -155,7 +155,7 @@ def configure(options: Options) -> MethodConfig:
 
 def with_matcher(config: MethodConfig, name: str) -> MethodConfig:
     """The settings with another scan matcher in slamstitch's front end. Raises `InputError`."""
-    from slam.matching.registry import register
+    from slam.matching.match import register
 
     if not name:
         return config

@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -113,14 +114,10 @@ def log(T: ArrayLike) -> Array:
 def adjoint(T: ArrayLike) -> Array:
     """Adjoint ``(..., 3, 3)`` with ``T ∘ exp(ξ) = exp(Ad(T) ξ) ∘ T``."""
     T = _poses(T)
-    c, s = np.cos(T[..., 2]), np.sin(T[..., 2])
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    rows = [
-        np.stack([c, -s, T[..., 1]], -1),
-        np.stack([s, c, -T[..., 0]], -1),
-        np.stack([zero, zero, one], -1),
-    ]
-    return np.stack(rows, -2)
+    A = np.zeros((*T.shape, 3))
+    A[..., :2, :2] = rotation(T[..., 2])
+    A[..., 0, 2], A[..., 1, 2], A[..., 2, 2] = T[..., 1], -T[..., 0], 1.0
+    return A
 
 
 def transport(covariance: ArrayLike, T: ArrayLike) -> Array:
@@ -135,11 +132,6 @@ def compose_covariance(covariance_ab: ArrayLike, T_bc: ArrayLike, covariance_bc:
     return transport(covariance_ab, inverse(T_bc)) + np.asarray(covariance_bc, dtype=np.float64)
 
 
-def inverse_covariance(T_ab: ArrayLike, covariance_ab: ArrayLike) -> Array:
-    """Covariance ``(..., 3, 3)`` of ``T_ba`` from that of ``T_ab``."""
-    return transport(covariance_ab, T_ab)
-
-
 def to_body_covariance(T: ArrayLike, covariance: ArrayLike) -> Array:
     """Right-tangent covariance ``(..., 3, 3)`` from one of additive ``(x, y, yaw)`` errors of ``T``."""
     T = _poses(T)
@@ -147,6 +139,14 @@ def to_body_covariance(T: ArrayLike, covariance: ArrayLike) -> Array:
     B[..., :2, :2] = np.swapaxes(rotation(T[..., 2]), -1, -2)
     B[..., 2, 2] = 1.0
     return B @ np.asarray(covariance, dtype=np.float64) @ np.swapaxes(B, -1, -2)
+
+
+@cache
+def max_distance(confidence: float) -> float:
+    """Squared Mahalanobis distance of poses that lie within it with probability ``confidence``: χ²₃."""
+    from scipy.stats import chi2
+
+    return float(chi2.ppf(confidence, 3))
 
 
 def path_length(poses: ArrayLike) -> Array:

@@ -59,8 +59,7 @@ def tangents_of_beams(points, spacing, radius, sigma, most):
 
     ``points (B, 2)`` m in beam order with NaN rows, ``spacing (B,)`` m to the next beam on a surface seen
     at right angles, ``radius`` m of the neighbourhood of at most ``most`` beams to either side, ``sigma`` m
-    range noise. A neighbourhood that is
-    not a line (rms across above three sigma) is tried once more at half the radius, then given up.
+    range noise. Where it is no line (rms across above three sigma) half the radius is tried, then given up.
     """
     direction = np.full(len(points), np.nan)
     deviation = np.full(len(points), np.nan)
@@ -86,9 +85,8 @@ def offsets_from_lines(points, direction, sigma, same_line, same_direction, most
     """How far ``(B,)`` m each point lies off the line of its neighbours, along the line's left normal; 0
     without a tangent.
 
-    ``points (B, 2)`` m in beam order with NaN rows, ``direction (B,)`` rad of the tangents. Neighbours are
-    those within ``same_line`` m whose tangent's cosine with the point's own is above
-    ``same_direction`` and that lie within three ``sigma`` m of the line.
+    ``points (B, 2)`` m in beam order with NaN rows, ``direction (B,)`` rad of the tangents. Neighbours lie
+    within ``same_line`` m and three ``sigma`` m of the line, their cosine is above ``same_direction``.
     """
     offsets = np.zeros(len(points))
     for i in range(len(points)):

@@ -10,16 +10,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
 from tyro.conf import Positional, arg
 
+from slam import se2
 from slam.cli import POSE, InputError, Pose, RefusedError, main
-from stitch.alignment.config import METHODS, AlignConfig
+from slam.formats import FormatError
+from slam.mapping.submap import Submap
+from slam.se2 import Array
+from stitch.align import METHODS, AlignConfig, NoStitch, Prior, align
+from stitch.command import maps, merge
+from stitch.command.maps import as_json, as_text, in_words
 
 if TYPE_CHECKING:
-    from slam.mapping.submap import Submap
-    from slam.se2 import Array
-    from stitch.alignment.result import Prior
-
     Method = str
 else:
     Method = Literal[tuple(METHODS)]
@@ -55,10 +58,8 @@ def run(options: Options) -> None:
     """Read, align, tell, write."""
     check(options)
     submaps = read(options)
-    if options.all:
-        join_all(options, submaps)
-    else:
-        join_two(options, submaps[0], submaps[1])
+    join = join_all if options.all else join_two
+    join(options, submaps, config(options, submaps))
 
 
 def check(options: Options) -> None:
@@ -80,22 +81,16 @@ def check(options: Options) -> None:
     if options.prior and abs(options.prior[2]) > 2.0 * math.pi:
         raise InputError(f"--prior: a yaw of {options.prior[2]:g} is more than a turn, expected radians")
     if options.out:
-        from stitch.command import output
-
-        output.check(options.out)
+        maps.check_output(options.out)
 
 
 def read(options: Options) -> list[Submap]:
     """The maps as submaps. Raises `InputError`."""
-    from slam.formats import FormatError
-    from stitch.command import output
-    from stitch.command.maps import check_size, read_submap
-
     try:
-        submaps = [read_submap(path) for path in options.maps]
-        check_size(submaps, config(options, submaps))
+        submaps = [maps.read_submap(path) for path in options.maps]
+        maps.check_size(submaps, config(options, submaps))
         if options.out:
-            output.check_inputs(options.out, options.maps)
+            maps.check_inputs(options.out, options.maps)
     except FormatError as error:
         raise InputError(str(error)) from error
     return submaps
@@ -112,44 +107,34 @@ def config(options: Options, submaps: list[Submap]) -> AlignConfig:
     )
 
 
-def join_two(options: Options, a: Submap, b: Submap) -> None:
-    """Stitch b to a. Raises `RefusedError` where that is not sure."""
-    import numpy as np
-
-    from stitch.align import NoStitch, Stitch, align
-    from stitch.command.answer import as_json, as_text, in_words
-    from stitch.command.frames import between_maps
-
-    name_a, name_b = map(str, options.maps)
-    result = between_maps(a, b, align(a, b, prior(options, a, b), config(options, [a, b])))
-    written = []
-    if isinstance(result, Stitch):
-        written = write(options, [0, 1], [a, b], np.array([np.zeros(3), result.T_a_b]))
-    if options.format == "json":
-        print(json.dumps(as_json(result), indent=2))
+def join_two(options: Options, submaps: list[Submap], settings: AlignConfig) -> None:
+    """Stitch the second map to the first. Raises `RefusedError` where that is not sure."""
+    a, b = submaps
+    result = maps.between_maps(a, b, align(a, b, prior(options, a, b), settings))
     if isinstance(result, NoStitch):
+        if options.format == "json":
+            print(json.dumps(as_json(result), indent=2))
         best = "" if result.best is None else f"; the best candidate was {in_words(result.best.T_a_b)}"
         raise RefusedError(f"not sure: {result.reason}{best}")
-    if options.format == "text":
-        print(as_text(result, name_a, name_b), *written, sep="\n")
+    written = write(options, [0, 1], submaps, np.array([np.zeros(3), result.T_a_b]))
+    if options.format == "json":
+        print(json.dumps(as_json(result), indent=2))
+    else:
+        print(as_text(result, *map(str, options.maps)), *written, sep="\n")
 
 
-def join_all(options: Options, submaps: list[Submap]) -> None:
+def join_all(options: Options, submaps: list[Submap], settings: AlignConfig) -> None:
     """Stitch every pair and optimise the graph. Raises `RefusedError` where none joins the first map."""
-    from stitch.align import align
-    from stitch.command.answer import graph_json, in_words, pairs_table
-    from stitch.command.frames import graph_between_maps
-    from stitch.command.map_graph import join
+    from stitch.command import map_graph
 
     names = [str(path) for path in options.maps]
-    settings = config(options, submaps)
-    of_anchors = join(len(submaps), lambda a, b: align(submaps[a], submaps[b], None, settings))
-    graph, members = graph_between_maps(submaps, of_anchors), of_anchors.members
+    of_anchors = map_graph.join(len(submaps), lambda a, b: align(submaps[a], submaps[b], None, settings))
+    graph, members = map_graph.graph_between_maps(submaps, of_anchors), of_anchors.members
     written = write(options, members, submaps, graph.poses) if len(members) > 1 else []
     if options.format == "json":
-        print(json.dumps(graph_json(graph, names), indent=2))
+        print(json.dumps(map_graph.graph_json(graph, names), indent=2))
     else:
-        pairs_table(graph, names).print()
+        map_graph.pairs_table(graph, names).print()
     if len(members) < 2:
         raise RefusedError(f"not sure: no map could be joined to {names[0]}")
     if options.format == "text":
@@ -161,14 +146,10 @@ def join_all(options: Options, submaps: list[Submap]) -> None:
 
 def prior(options: Options, a: Submap, b: Submap) -> Prior | None:
     """What the user knows, between the submaps' anchors. Raises `InputError`."""
-    import numpy as np
-
-    from stitch.command.frames import prior_between
-
     if options.prior is None:
         return None
     try:
-        return prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
+        return maps.prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
     except ValueError as error:
         raise InputError(f"--prior-sigma: {error}") from error
 
@@ -178,27 +159,23 @@ def write(options: Options, members: Sequence[int], submaps: list[Submap], poses
 
     ``poses (M, 3)`` are those of the maps ``members`` in the frame of the first map.
     """
-    from slam import se2
-    from stitch.command import output, picture
-    from stitch.command.merge import canvas, merge, place
-
     if options.out is None:
         return []
     grids = [submaps[k].grid for k in members]
+    T_map_anchor = submaps[0].anchor
     T_first = [
-        se2.between(submaps[0].anchor, se2.compose(T, submaps[k].anchor))
+        se2.between(T_map_anchor, se2.compose(T, submaps[k].anchor))
         for k, T in zip(members, poses, strict=True)
     ]
     resolution = min(grid.resolution for grid in grids)
     try:
-        onto = canvas(grids, T_first, resolution)
+        onto = merge.canvas(grids, T_first, resolution)
     except ValueError as error:
         raise InputError(str(error)) from error
-    whole = merge([place(grid, T, onto) for grid, T in zip(grids, T_first, strict=True)])
-    drawing = picture.draw(labels([options.maps[k] for k in members]), grids, T_first, resolution)
-    T_map_anchor = submaps[0].anchor
+    whole = merge.merge([merge.place(grid, T, onto) for grid, T in zip(grids, T_first, strict=True)])
+    picture = merge.draw(labels([options.maps[k] for k in members]), grids, T_first, resolution)
     corner = se2.transform(T_map_anchor, whole.origin[None])[0]
-    return output.write(options.out, replace(whole, origin=corner), T_map_anchor[2], drawing)
+    return maps.write_map(options.out, replace(whole, origin=corner), T_map_anchor[2], picture)
 
 
 def labels(maps: Sequence[Path]) -> list[str]:

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
+from pkgutil import resolve_name
+
 from slam.mapping.submap import Submap
 from stitch.alignment.config import METHODS, AlignConfig
-from stitch.alignment.joint import align_joint
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.published.carpin import align_carpin
-from stitch.published.censi import align_censi
-from stitch.published.features import align_features
-from stitch.published.htms import align_htms
 
 __all__ = ["METHODS", "AlignConfig", "Alternative", "NoStitch", "Prior", "Stitch", "align"]
-
-METHODS.update(
-    joint=align_joint,
-    htms=align_htms,
-    carpin=align_carpin,
-    censi=align_censi,
-    akaze=align_features,
-    orb=align_features,
-)
 
 DEFAULT = AlignConfig()
 
@@ -33,7 +21,12 @@ def align(
     ``config.method`` is one of `METHODS`. With "joint" rotations come from Hough spectra (Carpin 2008) or
     from around the prior, translations from a joint correlation that penalises walls in free space, and an
     answer is only given when it passes `stitch.alignment.config.Acceptance`. The others are the methods of
-    the literature; each tells in its own file when it refuses. None of them has a covariance. All are
-    deterministic.
+    the literature, which have no covariance; each tells when it refuses. All are deterministic.
     """
-    return METHODS[config.method](a, b, prior, config)
+    for name, submap in (("a", a), ("b", b)):
+        if not submap.grid.occupied.any():
+            return NoStitch(f"submap {name} has no occupied cells")
+    method = METHODS[config.method]
+    aligner = resolve_name(method) if isinstance(method, str) else method
+    result: Stitch | NoStitch = aligner(a, b, prior, config)
+    return result

@@ -37,8 +37,7 @@ class Method:
 
     def __call__(self, recording: Recording, config: MethodConfig) -> Estimate | NoEstimate:
         """What the method says of a recording, or why it has nothing to say."""
-        from stitch.mapping.estimate import NoEstimate
-        from stitch.mapping.rejection import rejection_reason
+        from stitch.mapping.estimate import NoEstimate, rejection_reason
 
         if recording.source == "none" and self.needs_dead_reckoning:
             return NoEstimate(self.name, self.needs_dead_reckoning)

@@ -19,9 +19,9 @@ from slam.recording import Recording
 from slam.scan import scans_of
 from slam.se2 import Array
 from stitch.align import AlignConfig, NoStitch, Prior, Stitch
+from stitch.alignment.acceptance import measure_shared_area
 from stitch.alignment.raster import walls_of
 from stitch.alignment.refinement import covariance, score_field
-from stitch.alignment.verification import measure_shared_area
 from stitch.mapping.estimate import Estimate
 from stitch.mapping.offline import build_map
 

@@ -20,11 +20,10 @@ from slam.scan import Scan
 from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.result import Alternative, NoStitch
-from stitch.alignment.rotation import cross_correlation
+from stitch.alignment.hough import cross_correlation
+from stitch.alignment.result import Alternative
 from stitch.alignment.translation import correlation_along, profile
-from stitch.published.htms import DIRECTIONS, dominant_direction, four_hypotheses
-from stitch.published.pair import Pair, pair
+from stitch.published.spectra import DIRECTIONS, Pair, dominant_direction, four_hypotheses
 
 PIXEL = 0.05
 """Side of a drawn cell [m]."""
@@ -126,9 +125,7 @@ def map_and_cutout() -> tuple[Submap, Submap]:
 
 def example() -> Pair:
     """The map of rooms and its cut-out (`map_and_cutout`), ready to be stitched."""
-    maps = pair(*map_and_cutout(), CONFIG)
-    assert not isinstance(maps, NoStitch)
-    return maps
+    return Pair(*map_and_cutout(), CONFIG)
 
 
 def transform(points: Array) -> hough.Hough:

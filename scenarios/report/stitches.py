@@ -23,12 +23,12 @@ from slam.mapping.occupancy import Grid
 from slam.se2 import Array
 from stitch.alignment import hough
 from stitch.alignment.config import AlignConfig
+from stitch.alignment.hough import cross_correlation
 from stitch.alignment.raster import rasterise
 from stitch.alignment.result import Stitch
-from stitch.alignment.rotation import cross_correlation
 from stitch.alignment.translation import correlate, correlation_along, padded_shape, profile, spectra
 from stitch.mapping.estimate import Estimate, LoopCandidate
-from stitch.published.htms import DIRECTIONS, dominant_direction
+from stitch.published.spectra import DIRECTIONS, dominant_direction
 
 RESOLUTION = 0.1
 """Side of the cells [m] that walls are counted in."""

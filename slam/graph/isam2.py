@@ -34,9 +34,6 @@ class IncrementalGraph:
         self._add(anchor_factor(first))
         self.update()
 
-    def __len__(self) -> int:
-        return self._count
-
     def add_node(self, guess: Array) -> int:
         """A new node near ``guess (3,)``; returns its index. It needs an edge before the next `update`."""
         import gtsam
@@ -48,8 +45,7 @@ class IncrementalGraph:
 
     def add_edge(self, i: int, j: int, T_ij: Array, information: Array, heavy_tailed: bool = False) -> int:
         """Relative pose ``T_ij (3,)`` with ``information (3, 3)`` in the tangent of j, singular where it
-        says nothing; with a Cauchy kernel if ``heavy_tailed``. Returns the edge's number for `remove`.
-        """
+        says nothing; with a Cauchy kernel if ``heavy_tailed``. Returns the edge's number for `remove`."""
         return self._add(between_factor(int(i), int(j), T_ij, information, heavy_tailed))
 
     def add_world_step(self, i: int, j: int, displacement: Array, variance: float) -> int:
@@ -102,16 +98,14 @@ class IncrementalGraph:
 
     def marginal(self, k: int) -> Array:
         """Covariance ``(3, 3)`` of node k in its body frame, as of the last `update`."""
-        covariance: Array = self._isam.marginalCovariance(k)
-        return covariance
+        return np.asarray(self._isam.marginalCovariance(k))
 
     def relative_covariance(self, a: int, b: int) -> Array:
         """Covariance ``(3, 3)`` of the pose of node b seen from node a, in the tangent of b."""
         joint = self._isam.jointMarginalCovariance([a, b])
         moves = np.hstack([-se2.adjoint(se2.between(self.pose(b), self.pose(a))), np.eye(3)])
         blocks = np.block([[joint.at(a, a), joint.at(a, b)], [joint.at(b, a), joint.at(b, b)]])
-        covariance: Array = moves @ blocks @ moves.T
-        return covariance
+        return np.asarray(moves @ blocks @ moves.T)
 
     def _add(self, factor: Any) -> int:
         self._factors.add(factor)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -56,17 +56,21 @@ def odometry_graph(
         _step_covariance(reckoning, track, matched, int(a), int(b), config.local_map_shift)
         for a, b in zip(i, j, strict=True)
     ]
-    information = np.concatenate(
-        [np.linalg.inv(np.reshape(covariances, (-1, 3, 3))), dead_reckoned.information]
+    information = np.linalg.inv(np.reshape(covariances, (-1, 3, 3)))
+    lost = np.cumsum(track.verdict == Verdict.FELL_BACK)
+    information[np.diff(lost[rows]) > 0] = 0.0
+    steps = PoseGraph(
+        track.poses[rows],
+        pairs,
+        se2.between(track.poses[i], track.poses[j]),
+        information,
+        world_steps=dead_reckoned.world_steps,
     )
-    information[: len(pairs)][_spans_loss(track, rows)] = 0.0
-    return replace(
-        dead_reckoned,
-        edges=np.concatenate([pairs, dead_reckoned.edges]),
-        T_ij=np.concatenate([se2.between(track.poses[i], track.poses[j]), dead_reckoned.T_ij]),
-        information=information,
-        loop=np.zeros(2 * len(pairs), dtype=bool),
-        heavy_tailed=np.concatenate([np.zeros(len(pairs), dtype=bool), dead_reckoned.heavy_tailed]),
+    return steps.with_edges(
+        dead_reckoned.edges,
+        dead_reckoned.T_ij,
+        dead_reckoned.information,
+        heavy_tailed=dead_reckoned.heavy_tailed,
     )
 
 
@@ -83,12 +87,16 @@ def dead_reckoning_graph(
     """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
     at_rows = (poses if reckoning.absent else reckoning.poses)[rows]
+    world_steps = WorldSteps()
+    if reckoning.in_world:
+        variance = reckoning.position_variance(np.diff(se2.path_length(reckoning.poses)[rows]))
+        world_steps = WorldSteps(pairs, np.diff(reckoning.poses[rows, :2], axis=0), variance)
     return PoseGraph(
         poses=poses[rows],
         edges=pairs,
         T_ij=se2.between(at_rows[:-1], at_rows[1:]),
         information=_dead_reckoning_information(reckoning, rows, config),
-        world_steps=_world_steps(reckoning, rows, pairs) if reckoning.in_world else None,
+        world_steps=world_steps,
         heavy_tailed=np.full(len(pairs), reckoning.in_world),
     )
 
@@ -105,12 +113,6 @@ def step_covariance(
 def _match_covariances(track: Track, config: OdometryFactorConfig) -> Array:
     """Covariances ``(N, 3, 3)`` that matches add, bounded where they say nothing."""
     return np.linalg.inv(track.information / config.match_inflation + np.eye(3) / config.worst_variance)
-
-
-def _spans_loss(track: Track, rows: np.ndarray) -> np.ndarray:
-    """Steps ``(K - 1,)`` bool between scans ``rows (K,)`` with a scan among them that was not matched."""
-    lost = np.cumsum(track.verdict == Verdict.FELL_BACK)
-    return np.diff(lost[rows]) > 0
 
 
 def _step_covariance(
@@ -164,9 +166,3 @@ def _dead_reckoning_information(
     information: Array = np.zeros_like(summed)
     information[:, 2, 2] = 1.0 / summed[:, 2, 2]
     return information
-
-
-def _world_steps(reckoning: DeadReckoning, rows: np.ndarray, pairs: np.ndarray) -> WorldSteps:
-    path = np.diff(se2.path_length(reckoning.poses)[rows])
-    displacement = np.diff(reckoning.poses[rows, :2], axis=0)
-    return WorldSteps(pairs, displacement, reckoning.position_variance(path))

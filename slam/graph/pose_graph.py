@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -34,60 +33,56 @@ class GncConfig:
     inlier_probability: float = 0.99
     """Quantile of χ²₃ beyond which a loop is an outlier."""
     first_mu: float = 0.1
-    """Largest μ of the first round, where a loop counts by its error and not by its square. Beginning at the
-    μ of the worst loop, as gtsam does, ends at higher costs where the plain least squares hide false loops by
-    bending the graph."""
+    """Largest μ of the first round, where a loop counts by its error and not by its square. That of the worst
+    loop, as in gtsam, ends at higher costs where least squares hide false loops by bending the graph."""
     growth: float = 1.4
     """Factor on μ from one round to the next, as in gtsam."""
     rounds: int = 100
     """Most rounds, as in gtsam."""
 
-    @cached_property
+    @property
     def limit(self) -> float:
         """χ² beyond which a loop is an outlier."""
-        from scipy.stats import chi2
-
-        return float(chi2.ppf(self.inlier_probability, 3))
+        return se2.max_distance(self.inlier_probability)
 
 
 DEFAULT_GNC = GncConfig()
 
 
-def _none() -> np.ndarray:
-    return np.zeros(0, dtype=bool)
-
-
 @dataclass(frozen=True)
 class WorldSteps:
     """Position increments of an INS in its own world frame: ``t_j − t_i = displacement``, whatever the
-    yaw is.
+    yaw is; by default none.
 
     ``edges (W, 2)`` node indices, ``displacement (W, 2)`` m, ``variance (W,)`` m² per axis.
     """
 
-    edges: np.ndarray
-    displacement: Array
-    variance: Array
+    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    displacement: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    variance: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __len__(self) -> int:
+        return len(self.variance)
 
 
 @dataclass(frozen=True)
 class PoseGraph:
-    """Poses ``(K, 3)`` and E relative poses between them.
+    """Poses ``(K, 3)`` and E relative poses between them, by default none.
 
     ``edges (E, 2)`` indices i, j into ``poses``; ``T_ij (E, 3)``; ``information (E, 3, 3)`` in the
     tangent of j, positive semi-definite, singular where a direction is unknown; ``loop (E,)`` True for
     the edges that may be false (default: none); ``heavy_tailed (E,)`` True for those that count with a Cauchy
-    kernel (default: none); ``world_steps`` an INS's position increments, or None. Raises ``ValueError`` when
+    kernel (default: none); ``world_steps`` an INS's position increments. Raises ``ValueError`` when
     marks are not as many as edges.
     """
 
     poses: Array
-    edges: np.ndarray
-    T_ij: Array
-    information: Array
-    loop: np.ndarray = field(default_factory=_none)
-    world_steps: WorldSteps | None = None
-    heavy_tailed: np.ndarray = field(default_factory=_none)
+    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    T_ij: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    information: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    loop: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    world_steps: WorldSteps = field(default_factory=WorldSteps)
+    heavy_tailed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
         for marks in ("loop", "heavy_tailed"):
@@ -100,36 +95,40 @@ class PoseGraph:
                 )
             object.__setattr__(self, marks, np.zeros(len(self.edges), dtype=bool))
 
-    def with_loops(self, edges: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
-        """The graph with further edges that may be false."""
+    def with_edges(
+        self,
+        edges: np.ndarray,
+        T_ij: Array,
+        information: Array,
+        loop: bool = False,
+        heavy_tailed: Any = False,
+    ) -> PoseGraph:
+        """The graph with E further edges, all of them marked alike or by ``heavy_tailed (E,)``."""
+        count = len(edges)
         return replace(
             self,
             edges=np.concatenate([self.edges, np.asarray(edges, dtype=np.int64).reshape(-1, 2)]),
             T_ij=np.concatenate([self.T_ij, np.reshape(T_ij, (-1, 3))]),
             information=np.concatenate([self.information, np.reshape(information, (-1, 3, 3))]),
-            loop=np.concatenate([self.loop, np.ones(len(edges), dtype=bool)]),
-            heavy_tailed=np.concatenate([self.heavy_tailed, np.zeros(len(edges), dtype=bool)]),
+            loop=np.concatenate([self.loop, np.full(count, loop)]),
+            heavy_tailed=np.concatenate([self.heavy_tailed, np.full(count, heavy_tailed)]),
         )
+
+    def with_loops(self, edges: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
+        """The graph with further edges that may be false."""
+        return self.with_edges(edges, T_ij, information, loop=True)
 
     def with_only(self, loops: np.ndarray) -> PoseGraph:
         """The graph without the loops for which ``loops (L,)`` bool, in their order, is False."""
         kept = ~self.loop
         kept[np.flatnonzero(self.loop)[loops]] = True
-        return replace(
-            self,
-            edges=self.edges[kept],
-            T_ij=self.T_ij[kept],
-            information=self.information[kept],
-            loop=self.loop[kept],
-            heavy_tailed=self.heavy_tailed[kept],
-        )
+        names = ("edges", "T_ij", "information", "loop", "heavy_tailed")
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Optimised ``poses (K, 3)`` and the ``weights (L,)`` left to the loop edges in their order (1 kept, 0
-    switched off).
-    """
+    """Optimised ``poses (K, 3)`` and ``weights (L,)`` of the loops in their order: 1 kept, 0 switched off."""
 
     poses: Array
     weights: Array
@@ -143,14 +142,17 @@ def optimise(graph: PoseGraph, loss: Loss = "gnc", gnc: GncConfig = DEFAULT_GNC)
     `RELINEARISATIONS` times. Raises ``ValueError`` when an edge's information is not positive
     semi-definite, which gtsam would accept.
     """
-    _check_information(graph)
+    _refuse(graph.edges, ~np.all(np.isfinite(graph.information), axis=(1, 2)), "information", "finite")
+    lowest = _eigenvalues(graph.information)
+    indefinite = lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0)
+    _refuse(graph.edges, indefinite, "information", "positive semi-definite")
     poses: Array = graph.poses
     weights: Array = np.ones(int(graph.loop.sum()))
     for _ in range(RELINEARISATIONS):
         before = poses
         poses, weights = _solve(replace(graph, poses=before), loss, gnc)
         change = se2.between(before, poses)
-        if graph.world_steps is None or np.max(np.abs(change)) < SETTLED:
+        if len(graph.world_steps) == 0 or np.max(np.abs(change)) < SETTLED:
             break
     return Solution(poses, weights)
 
@@ -165,15 +167,6 @@ def informations(edges: np.ndarray, covariance: Array) -> Array:
     lowest = _eigenvalues(covariance)
     _refuse(edges, lowest[:, 0] <= 1e-12 * lowest[:, 2], "covariance", "positive definite")
     return np.linalg.inv(covariance)
-
-
-def _check_information(graph: PoseGraph) -> None:
-    """gtsam takes an indefinite matrix without a word."""
-    finite = np.all(np.isfinite(graph.information), axis=(1, 2))
-    _refuse(graph.edges, ~finite, "information", "finite")
-    lowest = _eigenvalues(graph.information)
-    indefinite = lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0)
-    _refuse(graph.edges, indefinite, "information", "positive semi-definite")
 
 
 def _eigenvalues(matrices: Array) -> Array:
@@ -193,7 +186,8 @@ def _solve(graph: PoseGraph, loss: Loss, gnc: GncConfig) -> tuple[Array, Array]:
     factors, initial = to_gtsam(graph)
     loops = np.flatnonzero(graph.loop)
     if loss == "none" or not len(loops):
-        return _poses(gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()), np.ones(len(loops))
+        solved = gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()
+        return gtsam.utilities.extractPose2(solved), np.ones(len(loops))
     parameters = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
     parameters.setLossType(gtsam.GncLossType.TLS)
     parameters.setAllowNonNoiseModelFactors(True)
@@ -201,7 +195,7 @@ def _solve(graph: PoseGraph, loss: Loss, gnc: GncConfig) -> tuple[Array, Array]:
     parameters.setKnownInliers([f for f in range(factors.size()) if f not in doubted])
     optimizer = gtsam.GncLMOptimizer(factors, initial, parameters)
     optimizer.setInlierCostThresholdsAtProbability(gnc.inlier_probability)
-    poses = _poses(optimizer.optimize())
+    poses = gtsam.utilities.extractPose2(optimizer.optimize())
     return poses, np.asarray(optimizer.getWeights())[loops]
 
 
@@ -218,8 +212,7 @@ def to_gtsam(graph: PoseGraph) -> tuple[Any, Any]:
     ):
         factors.add(between_factor(int(i), int(j), T, information, heavy_tailed))
     factors.add(anchor_factor(graph.poses[0]))
-    if graph.world_steps is not None:
-        _add_world_steps(factors, graph.world_steps, graph.poses)
+    _add_world_steps(factors, graph.world_steps, graph.poses)
     values = gtsam.Values()
     for k, pose in enumerate(graph.poses):
         values.insert(k, gtsam.Pose2(*pose))
@@ -262,15 +255,3 @@ def _add_world_steps(factors: Any, steps: WorldSteps, poses: Array) -> None:
         at.insert(int(i), gtsam.Pose2(*poses[i]))
         at.insert(int(j), gtsam.Pose2(*poses[j]))
         factors.add(gtsam.LinearContainerFactor(row, at))
-
-
-def chi_squared(graph: PoseGraph, poses: Array) -> Array:
-    """Squared normalised residual ``(E,)`` of every edge at ``poses (K, 3)``."""
-    i, j = graph.edges.T
-    residual = se2.log(se2.between(graph.T_ij, se2.between(poses[i], poses[j])))
-    return np.einsum("ea,eab,eb->e", residual, graph.information, residual)
-
-
-def _poses(values: Any) -> Array:
-    poses = [values.atPose2(k) for k in range(values.size())]
-    return np.array([[pose.x(), pose.y(), pose.theta()] for pose in poses])

@@ -48,6 +48,17 @@ class Grid:
         return self.origin + (np.stack([columns, rows], -1) + 0.5) * self.resolution
 
 
+def dilated(cells: np.ndarray) -> np.ndarray:
+    """Cells ``(H, W)`` grown by one in all eight directions."""
+    grown = cells.copy()
+    grown[1:] |= cells[:-1]
+    grown[:-1] |= cells[1:]
+    out = grown.copy()
+    out[:, 1:] |= grown[:, :-1]
+    out[:, :-1] |= grown[:, 1:]
+    return out
+
+
 def draw(
     poses: Array,
     ranges: Array,

@@ -55,11 +55,7 @@ def cut(
     local = se2.between(anchor, poses[inside])
     points = merge_scans([scans[k] for k in inside], local)
     grid = occupancy.draw(
-        local,
-        measurements.ranges[inside],
-        measurements.angles,
-        measurements.laser,
-        resolution=resolution,
+        local, measurements.ranges[inside], measurements.angles, measurements.laser, resolution=resolution
     )
     return Submap(start, stop, anchor, points, grid, inside, local)
 

@@ -12,7 +12,7 @@ import numpy as np
 from slam.se2 import Array
 
 Method = str
-"""A name in `slam.matching.registry.MATCHERS`."""
+"""A name in `slam.matching.match.MATCHERS`."""
 CovarianceMode = Literal["p2l", "joint", "pfister_block"]
 COVARIANCE_MODES: tuple[CovarianceMode, ...] = get_args(CovarianceMode)
 Solver = Literal["joint", "alternating"]

@@ -51,10 +51,8 @@ def pfister_block(reference, scan, pairs, pose):
     """Covariance (3, 3) of additive errors of the pose in Pfister's block form, as UsarCommander has it.
 
     About the centre of rotation c: P_tt = (ΣW)⁻¹, P_φφ = 1/κ and P_tφ = −(ΣW)⁻¹ ΣWJq / κ with κ = Σ(Jq)ᵀWJq
-    and q = p2 − c; then moved from c to the scan's origin. With each pair's own W this is Λ⁻¹ exactly. In
-    UsarCommander's `WeightedScanMatcher` the last loop never advances its index, so that all but P_tt is
-    made with the first pair's W: overconfident or not by chance, and often indefinite, as the published
-    covariances are. NaN without pairs.
+    and q = p2 − c; then moved from c to the scan's origin. UsarCommander's last loop never advances its
+    index, so that all but P_tt is made with the first pair's W, and is often indefinite. NaN without pairs.
     """
     _, normals, covariance, _ = reference
     scan_points, scan_normals, scan_covariance, _ = scan

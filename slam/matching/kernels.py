@@ -27,7 +27,7 @@ time."""
 @njit(cache=True)
 def eigh3(matrix):
     """Eigenvalues ``(3,)`` ascending and eigenvectors in the columns of ``(3, 3)`` (cyclic Jacobi)."""
-    a, vectors = 0.5 * (matrix + matrix.T), np.eye(3)
+    a, v = 0.5 * (matrix + matrix.T), np.eye(3)
     for _ in range(SWEEPS):
         off = a[0, 1] ** 2 + a[0, 2] ** 2 + a[1, 2] ** 2
         if off <= 1e-30 * (a[0, 0] ** 2 + a[1, 1] ** 2 + a[2, 2] ** 2):
@@ -45,12 +45,9 @@ def eigh3(matrix):
                 for k in range(3):
                     a[p, k], a[q, k] = c * a[p, k] - s * a[q, k], s * a[p, k] + c * a[q, k]
                 for k in range(3):
-                    vectors[k, p], vectors[k, q] = (
-                        c * vectors[k, p] - s * vectors[k, q],
-                        s * vectors[k, p] + c * vectors[k, q],
-                    )
+                    v[k, p], v[k, q] = c * v[k, p] - s * v[k, q], s * v[k, p] + c * v[k, q]
     order = np.argsort(np.diag(a))
-    return np.diag(a)[order], vectors[:, order]
+    return np.diag(a)[order], v[:, order]
 
 
 @njit(cache=True)

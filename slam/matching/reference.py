@@ -28,6 +28,10 @@ class Reference:
     """A scan with the index that finds its points; build once, match many scans."""
 
     scan: Scan
+    cell: float = SCAN_CELL
+    """Cell [m] of the index."""
+    side: int = SCAN_SIDE
+    """Buckets along a side of the index, which repeats itself beyond."""
 
     def __len__(self) -> int:
         return len(self.scan)
@@ -49,7 +53,7 @@ class Reference:
         """The cloud and its lattice."""
         from slam.matching.neighbours import build
 
-        return self.cloud, build(self.cloud[0], SCAN_CELL, SCAN_SIDE)
+        return self.cloud, build(self.cloud[0], self.cell, self.side)
 
     @property
     def unindexed(self) -> tuple[Cloud, Any]:

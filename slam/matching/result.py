@@ -27,13 +27,13 @@ class Match:
     covariance: Array
     information: Array
     n_matches: int
-    residual_rms: float
-    residual_p90: float
-    misfit: float
-    iterations: int
-    converged: bool
     information_eigenvalues: Array
-    tried: int
+    residual_rms: float = np.nan
+    residual_p90: float = np.nan
+    misfit: float = np.nan
+    iterations: int = 0
+    converged: bool = True
+    tried: int = 1
 
     @classmethod
     def from_information(
@@ -63,13 +63,7 @@ class Match:
             covariance=se2.to_body_covariance(pose, floored_inverse(known, config.least_information)),
             information=own,
             n_matches=int(n_matches),
-            residual_rms=np.nan,
-            residual_p90=np.nan,
-            misfit=np.nan,
-            iterations=0,
-            converged=True,
             information_eigenvalues=np.linalg.eigvalsh(known * np.outer(scale, scale)),
-            tried=1,
         )
 
 

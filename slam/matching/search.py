@@ -76,14 +76,10 @@ def thin_out(points, settings):
     for i in range(len(points)):
         if np.hypot(points[i, 0], points[i, 1]) > settings.search_range:
             continue
-        if (
-            last < 0
-            or np.hypot(points[i, 0] - points[last, 0], points[i, 1] - points[last, 1])
-            >= settings.search_spacing
-        ):
+        gap = np.hypot(points[i, 0] - points[last, 0], points[i, 1] - points[last, 1])
+        if last < 0 or gap >= settings.search_spacing:
             rows[count] = i
-            count += 1
-            last = i
+            count, last = count + 1, i
     return points[rows[: count : max(1, count // settings.search_points)]]
 
 
@@ -94,9 +90,8 @@ def correlate(points, scan_points, guess, settings):
     A score is the sum of the smeared reference under the scan's points. Steps are ``search_cell`` and
     ``search_angle``, the middle one is ``guess``.
     """
-    shift, turn, cell, angle = (
-        settings.search_shift, settings.search_turn, settings.search_cell, settings.search_angle,
-    )  # fmt: skip
+    shift, turn = settings.search_shift, settings.search_turn
+    cell, angle = settings.search_cell, settings.search_angle
     half, turns = int(np.ceil(shift / cell)), int(np.ceil(turn / angle))
     side = 2 * half + 1
     reach = np.sqrt(np.max(scan_points[:, 0] ** 2 + scan_points[:, 1] ** 2)) + shift + 3.0 * cell

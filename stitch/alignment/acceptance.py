@@ -1,4 +1,4 @@
-"""Acceptance classifier: the log-odds that an alignment is right, from all its scores."""
+"""Acceptance: what two maps share, the log-odds that an alignment is right, and what speaks against it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from slam.mapping.occupancy import dilated
 from slam.se2 import Array
-from stitch.alignment.verification import CandidateScores, SharedArea
+from stitch.alignment.config import Acceptance
+from stitch.alignment.likelihood import OverlapCounts
+from stitch.alignment.raster import Raster, common_windows
 
 NO_RIVAL = -20.0
 """Least log-odds of a rival, and those of one that does not exist. This and the next two are part of what was
@@ -20,6 +23,83 @@ RIVALS = 3
 SHARED_CLASSES = 4
 """A wall point is shared when its distance is in one of the first so many classes of
 `stitch.alignment.likelihood.DISTANCES`."""
+
+
+@dataclass(frozen=True)
+class SharedArea:
+    """What two maps have in common: ``overlap_area`` m² known in both, ``open_area`` m² free in both, and
+    ``agreement``, the share of the walls there that both have."""
+
+    overlap_area: float
+    open_area: float
+    agreement: float
+
+
+def measure_shared_area(a: Raster, b: Raster) -> SharedArea:
+    """What two rasters of one lattice share, b already moved into the frame of a.
+
+    Walls count as shared within one cell; the agreement is that of the map with fewer walls there, 0 without
+    any. Raises ``ValueError`` for rasters of different resolution.
+    """
+    if a.resolution != b.resolution:
+        raise ValueError(f"rasters of different resolution: {a.resolution} and {b.resolution}")
+    windows = common_windows(a, b)
+    if windows is None:
+        return SharedArea(0.0, 0.0, 0.0)
+    in_a, in_b = windows
+    occupied_a, free_a, near_a = a.occupied[in_a], a.free[in_a], dilated(a.occupied)[in_a]
+    occupied_b, free_b, near_b = b.occupied[in_b], b.free[in_b], dilated(b.occupied)[in_b]
+    shared_a, shared_b = np.sum(occupied_a & near_b), np.sum(occupied_b & near_a)
+    against_a, against_b = np.sum(occupied_a & free_b), np.sum(occupied_b & free_a)
+    walls_a, walls_b = shared_a + against_a, shared_b + against_b
+    agreement = min((walls_a, shared_a), (walls_b, shared_b))
+    open_both = np.sum(free_a & free_b)
+    return SharedArea(
+        overlap_area=float(np.sum((occupied_a | free_a) & (occupied_b | free_b))) * a.resolution**2,
+        open_area=float(open_both) * a.resolution**2,
+        agreement=float(agreement[1] / max(agreement[0], 1)),
+    )
+
+
+@dataclass(frozen=True)
+class CandidateScores:
+    """Scores of the best candidate of an alignment.
+
+    ``log_odds`` of its overlap likelihood; ``rivals``: those of the other candidates, best first;
+    ``positional_distinctness``, at most 1: smallest relative loss of agreement when it is shifted by
+    `Acceptance.slide`, about 0 along a featureless corridor; the ``overlap`` counts; ``prior_penalty``: half
+    its squared Mahalanobis distance from the prior, 0 without one; ``has_prior``.
+    """
+
+    log_odds: float
+    rivals: tuple[float, ...]
+    positional_distinctness: float
+    overlap: OverlapCounts
+    prior_penalty: float
+    has_prior: bool
+
+    @property
+    def best_rival(self) -> float:
+        """Log-odds of the best other candidate; -inf where there is none."""
+        return self.rivals[0] if self.rivals else -np.inf
+
+    @property
+    def lead(self) -> float:
+        """Log-odds ahead of the best other candidate."""
+        return self.log_odds - self.best_rival
+
+    @property
+    def ambiguity_ratio(self) -> float:
+        """Log-odds of the best other candidate, where above 0, as a share of the best's."""
+        return max(self.best_rival, 0.0) / max(self.log_odds, 1e-9)
+
+    def main_weakness(self, limits: Acceptance) -> str:
+        """What speaks against it most, in words."""
+        if self.positional_distinctness < limits.sliding:
+            return "it slides along its walls"
+        if self.lead < limits.close_lead:
+            return f"a rival has {self.best_rival:.1f} where it has {self.log_odds:.1f}"
+        return f"its walls alone give {self.log_odds:.1f}"
 
 
 @dataclass(frozen=True)
@@ -82,6 +162,23 @@ def features(shared: SharedArea, scores: CandidateScores) -> Array:
     )
 
 
-def acceptance_log_odds(shared: SharedArea, scores: CandidateScores) -> float:
-    """Log-odds that the alignment is right."""
-    return float(AcceptanceClassifier.learnt().log_odds(features(shared, scores)))
+def reason_against(
+    shared: SharedArea, scores: CandidateScores, belief: float, limits: Acceptance
+) -> str | None:
+    """The first limit that an alignment breaks, in words; None when it is believed."""
+    weakness = f" ({scores.main_weakness(limits)})"
+    checks = [
+        ("overlap", shared.overlap_area, limits.min_overlap, " m²", ""),
+        ("space free in both", shared.open_area, limits.min_open, " m²", ""),
+        ("ambiguity: lead over a rival", scores.lead, limits.min_lead, "", ""),
+        ("belief (log-odds of being right)", belief, limits.min_belief, "", weakness),
+    ]
+    for name, value, limit, unit, because in checks:
+        if not value >= limit:  # nor is NaN enough
+            return f"{name} {value:.3g}{unit}, expected at least {limit:.3g}{unit}{because}"
+    if not scores.ambiguity_ratio <= limits.max_ambiguity:
+        return (
+            f"ambiguity: a rival has {scores.ambiguity_ratio:.3g} of the log-odds, expected at most "
+            f"{limits.max_ambiguity:.3g}"
+        )
+    return None

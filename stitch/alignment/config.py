@@ -2,68 +2,57 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass, field
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from slam.matching import MatchConfig
 
-if TYPE_CHECKING:
-    from slam.mapping.submap import Submap
-    from stitch.alignment.result import NoStitch, Prior, Stitch
+METHODS: dict[str, str | Callable[..., Any]] = {
+    "joint": "stitch.alignment.joint:align_joint",
+    "htms": "stitch.published.spectra:align_htms",
+    "carpin": "stitch.published.spectra:align_carpin",
+    "censi": "stitch.published.spectra:align_censi",
+    "akaze": "stitch.published.features:align_features",
+    "orb": "stitch.published.features:align_features",
+}
+"""Every aligner by its name: a function ``(a, b, prior, config)``, or where one is to be found."""
 
-METHODS: dict[str, Callable[[Submap, Submap, Prior | None, AlignConfig], Stitch | NoStitch]] = {}
-"""Every aligner by its name; `stitch.align` has the entries."""
+Count = Annotated[int, "a whole number of at least 1", lambda x: isinstance(x, int) and x >= 1]
+Amount = Annotated[float, "0 or a positive number", lambda x: 0.0 <= x < math.inf]
+Positive = Annotated[float, "a positive number", lambda x: 0.0 < x < math.inf]
+Share = Annotated[float, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0]
+Limit = Annotated[float, "a number", lambda x: not math.isnan(x)]
+"""Types of numbers: what `Checked` expects of them, in words and as a test."""
 
 
 class Checked:
-    """A configuration whose numbers are checked: ``ValueError`` names the field and what was expected.
-
-    Counts are whole numbers of at least 1, all others finite and not negative, but for what a class lists:
-    those that must be ``POSITIVE``, ``SHARES`` from 0 to 1, and ``LIMITS``, which may be any number.
-    """
-
-    POSITIVE: ClassVar[tuple[str, ...]] = ()
-    SHARES: ClassVar[tuple[str, ...]] = ()
-    LIMITS: ClassVar[tuple[str, ...]] = ()
+    """A configuration whose numbers are checked by their types: ``ValueError`` names the field and what was
+    expected."""
 
     def __post_init__(self) -> None:
-        for declared in fields(self):  # type: ignore[arg-type]
-            name, value = declared.name, getattr(self, declared.name)
-            if declared.type not in ("int", "float", "tuple[float, float]"):
-                continue
-            number = np.asarray(value, dtype=np.float64)
-            if declared.type == "int":
-                expected, valid = (
-                    "a whole number of at least 1",
-                    np.asarray(isinstance(value, int) and value >= 1),
-                )
-            elif name in self.LIMITS:
-                expected, valid = "a number", ~np.isnan(number)
-            elif name in self.SHARES:
-                expected, valid = "a number from 0 to 1", (number >= 0.0) & (number <= 1.0)
-            elif name in self.POSITIVE:
-                expected, valid = "a positive number", (number > 0.0) & np.isfinite(number)
-            else:
-                expected, valid = "0 or a positive number", (number >= 0.0) & np.isfinite(number)
-            if not np.all(valid):
-                raise ValueError(f"{name}: expected {expected}, got {value!r}")
+        for name, hint in get_type_hints(type(self), include_extras=True).items():
+            value = getattr(self, name)
+            is_tuple = get_origin(hint) is tuple
+            kind = get_args(hint)[0] if is_tuple else hint
+            if get_origin(kind) is Annotated:
+                expected, valid = kind.__metadata__
+                if not all(map(valid, value if is_tuple else (value,))):
+                    raise ValueError(f"{name}: expected {expected}, got {value!r}")
 
 
 @dataclass(frozen=True)
 class WallConfig(Checked):
     """What is a wall, and what may be furniture."""
 
-    POSITIVE = ("furniture_length",)
-    SHARES = ("furniture_weight",)
-
-    furniture_weight: float = 0.1
+    furniture_weight: Share = 0.1
     """Weight of a cell that may be furniture; one of a wall has 1."""
-    furniture_length: tuple[float, float] = (1.2, 1.8)
+    furniture_length: tuple[Positive, Positive] = (1.2, 1.8)
     """Straight up to the first [m]: furniture; from the second on: a wall; between them the weight grows."""
-    run_directions: int = 16
+    run_directions: Count = 16
     """Directions, over half a turn, in which a straight run is looked for."""
 
     def __post_init__(self) -> None:
@@ -76,18 +65,15 @@ class WallConfig(Checked):
 class DirectionConfig(Checked):
     """When the walls of a map have directions, by its Hough spectrum; read by joint, carpin and censi."""
 
-    POSITIVE = ("separation",)
-    SHARES = ("min_strength",)
-
-    min_crest: float = 1.5
+    min_crest: Amount = 1.5
     """Maximum over mean of a spectrum that must be exceeded; 1 without any structure."""
-    min_variation: float = 0.1
+    min_variation: Amount = 0.1
     """Standard deviation over mean of a spectrum that must be exceeded; 0 without any structure."""
-    separation: float = np.radians(10.0)
+    separation: Positive = np.radians(10.0)
     """Peaks nearer to each other than this [rad] are one (htms too)."""
-    min_strength: float = 0.04
+    min_strength: Share = 0.04
     """Least product of two spectra at a common direction, of its maximum; the ends of one wall have less."""
-    min_background_ratio: float = 2.0
+    min_background_ratio: Amount = 2.0
     """The same, of the product's median, which is what unrelated walls add to every direction."""
 
 
@@ -95,22 +81,19 @@ class DirectionConfig(Checked):
 class RotationConfig(Checked):
     """Which rotations joint tries."""
 
-    POSITIVE = ("sweep_step",)
-    SHARES = ("min_peak_ratio",)
-
-    n_theta: int = 360
+    n_theta: Count = 360
     """Directions of the Hough transform, over half a turn."""
-    n_peaks: int = 6
+    n_peaks: Count = 6
     """Most peaks of the spectra's correlation; each is tried with its twin half a turn away."""
-    min_peaks: int = 2
+    min_peaks: Count = 2
     """So many peaks are tried however low they are: right angles have two."""
-    min_peak_ratio: float = 0.9
+    min_peak_ratio: Share = 0.9
     """Height of any further peak, as a share of the highest."""
-    smoothing: float = np.radians(1.0)
+    smoothing: Amount = np.radians(1.0)
     """Standard deviation [rad] of the blur of the correlation; 0: peaks are whole bins."""
-    sweep_step: float = 0.035
+    sweep_step: Positive = 0.035
     """Step [rad] of the sweep where walls have no directions."""
-    sweep_limit: float = 0.35
+    sweep_limit: Amount = 0.35
     """Reach [rad] of the sweep around a prior at most."""
 
 
@@ -121,25 +104,22 @@ class SearchConfig(Checked):
     A coinciding cell of a straight wall scores 3.5 with a blur of 1.
     """
 
-    POSITIVE = ("resolution", "separation")
-    SHARES = ("facing_share",)
-
-    resolution: float = 0.2
+    resolution: Positive = 0.2
     """Side of a cell [m]."""
-    free_penalty: float = 40.0
+    free_penalty: Amount = 40.0
     """Lost per wall cell in the other's free space: finds small overlaps of maps that agree."""
-    lenient_penalty: float = 12.0
+    lenient_penalty: Amount = 12.0
     """The same for maps that are bent, or between which things were moved."""
-    blur: float = 1.0
+    blur: Amount = 1.0
     """Standard deviation of the walls' blur in cells, here and in the climb."""
-    facing_share: float = 0.5
+    facing_share: Share = 0.5
     """Share of the agreement that is times the cosine between the walls' normals, 0 where one is unknown; at
     0.5 walls that face opposite ways do not agree."""
-    shifts_per_rotation: int = 3
+    shifts_per_rotation: Count = 3
     """Best shifts that each rotation puts up."""
-    separation: tuple[float, float] = (0.5, np.radians(5.0))
+    separation: tuple[Positive, Positive] = (0.5, np.radians(5.0))
     """Alignments nearer to each other than this (m at b's walls, rad) are one."""
-    candidates: int = 8
+    candidates: Count = 8
     """Best alignments of each of the two searches that are climbed from."""
 
 
@@ -147,16 +127,13 @@ class SearchConfig(Checked):
 class PriorConfig(Checked):
     """How a prior is used."""
 
-    POSITIVE = ("sigmas",)
-    SHARES = ("confidence",)
-
-    weight: float = 20.0
+    weight: Amount = 20.0
     """Cells of score lost per half of a squared Mahalanobis distance from the prior."""
-    sigmas: float = 3.0
+    sigmas: Positive = 3.0
     """Half width of the search around the prior in standard deviations."""
-    margin: tuple[float, float] = (0.5, np.radians(2.0))
+    margin: tuple[Amount, Amount] = (0.5, np.radians(2.0))
     """Added to that (m, rad): the covariance says nothing about the grid's cells."""
-    confidence: float = 0.999
+    confidence: Share = 0.999
     """An answer outside the prior's χ² region of this probability is refused (not by htms); 1: none is."""
 
 
@@ -164,19 +141,17 @@ class PriorConfig(Checked):
 class ClimbConfig(Checked):
     """The climb of the score between the cells: all candidates coarsely, the likeliest then finely."""
 
-    POSITIVE = ("coarse_step", "fine_step")
-
-    coarse_step: tuple[float, float] = (0.1, np.radians(1.0))
+    coarse_step: tuple[Positive, Positive] = (0.1, np.radians(1.0))
     """First step (m, rad) of the coarse climb."""
-    fine_step: tuple[float, float] = (0.025, np.radians(0.25))
+    fine_step: tuple[Positive, Positive] = (0.025, np.radians(0.25))
     """First step (m, rad) of the fine climb."""
-    halvings: int = 1
+    halvings: Count = 1
     """Times that either step is halved."""
-    max_steps: int = 10
+    max_steps: Count = 10
     """Steps of one length at most."""
-    stride: int = 3
+    stride: Count = 3
     """The coarse climb reads one wall point in so many."""
-    finalists: int = 6
+    finalists: Count = 6
     """Candidates that climb on finely."""
 
 
@@ -184,15 +159,13 @@ class ClimbConfig(Checked):
 class RefinementConfig(Checked):
     """The scan matcher after the climb."""
 
-    POSITIVE = ("max_correction",)
-
     enabled: bool = True
     """False: the climb's answer stands."""
     method: str = "plicp"
-    """A name of `slam.matching.registry`."""
-    points: int = 1000
+    """A name of `slam.matching.match`."""
+    points: Count = 1000
     """About how many of b's points are matched: more cost time and add nothing."""
-    max_correction: tuple[float, float] = (0.3, 0.05)
+    max_correction: tuple[Positive, Positive] = (0.3, 0.05)
     """A matcher that moves the answer further (m at the pivot, rad) has left the peak: refused."""
     matcher: MatchConfig = field(
         default_factory=lambda: MatchConfig(levels=((0.3, 1), (0.2, 1)), least_pairs=30, search_shift=0.0)
@@ -204,13 +177,11 @@ class RefinementConfig(Checked):
 class CovarianceConfig(Checked):
     """The covariance of an answer, from the score around it."""
 
-    POSITIVE = ("temperature", "step")
-
-    temperature: float = 2.0
+    temperature: Positive = 2.0
     """Difference of scores [cells] that is taken for noise."""
-    step: tuple[float, float] = (0.05, np.radians(0.5))
+    step: tuple[Positive, Positive] = (0.05, np.radians(0.5))
     """Spacing (m, rad) of the 5 x 5 x 5 poses at which the score is read."""
-    warp: tuple[float, float] = (0.018, 0.0026)
+    warp: tuple[Amount, Amount] = (0.018, 0.0026)
     """Distortion (m, rad) within a submap of about 30 x 20 m, as standard deviations."""
 
 
@@ -218,25 +189,22 @@ class CovarianceConfig(Checked):
 class Acceptance(Checked):
     """What an alignment must show to be believed."""
 
-    POSITIVE = ("slide",)
-    LIMITS = ("min_lead", "max_ambiguity", "min_belief", "sliding", "close_lead")
-
-    min_overlap: float = 4.0
+    min_overlap: Amount = 4.0
     """Area [m²] known in both maps."""
-    min_open: float = 3.0
+    min_open: Amount = 3.0
     """Area [m²] free in both maps: two maps back to back along one wall share the wall only."""
-    min_lead: float = 1.0
+    min_lead: Limit = 1.0
     """Log-odds of the overlap likelihood ahead of any other candidate."""
-    max_ambiguity: float = 0.5
+    max_ambiguity: Limit = 0.5
     """Log-odds of the best other candidate, as a share of the best's: the better of two that would both do
     may just share more with the other map."""
-    min_belief: float = 0.0
+    min_belief: Limit = 0.0
     """Log-odds of being right, by `stitch.alignment.acceptance`."""
-    slide: float = 0.4
+    slide: Positive = 0.4
     """Metres by which an alignment is moved in eight directions to see what of its agreement is lost."""
-    sliding: float = 0.1
+    sliding: Limit = 0.1
     """A positional distinctness below this is named as the reason of a low belief."""
-    close_lead: float = 4.0
+    close_lead: Limit = 4.0
     """A lead below this is named as the reason of a low belief."""
 
 
@@ -244,13 +212,11 @@ class Acceptance(Checked):
 class CarpinConfig(Checked):
     """Carpin (2008)."""
 
-    SHARES = ("min_acceptance_index",)
-
-    n_theta: int = 360
+    n_theta: Count = 360
     """Directions of the Hough transform, over half a turn."""
-    n_peaks: int = 4
+    n_peaks: Count = 4
     """Rotations that are tried, each with its twin half a turn away."""
-    min_acceptance_index: float = 0.94
+    min_acceptance_index: Share = 0.94
     """Below this ω there is no answer. Carpin's own threshold we could not read; this is from 300 pairs of
     drawn floor plans with 3 cm of noise (seeds 100–329): 19 of 20 true answers have 0.948 or more, 49 of 50
     false ones 0.937 or less."""
@@ -260,17 +226,17 @@ class CarpinConfig(Checked):
 class CensiConfig(Checked):
     """Censi et al. (2005); all but the last are the authors' program's own."""
 
-    n_theta: int = 360
+    n_theta: Count = 360
     """Directions of the Hough transform, over half a turn."""
-    n_peaks: int = 4
+    n_peaks: Count = 4
     """Rotations that are tried, each with its twin half a turn away."""
-    smoothing: float = np.radians(1.0)
+    smoothing: Amount = np.radians(1.0)
     """Standard deviation [rad] of the blur of the spectra's correlation."""
-    directions: int = 3
+    directions: Count = 3
     """Projections per rotation."""
-    lags: int = 5
+    lags: Count = 5
     """Lags of each projection that are combined."""
-    max_residual: float = 3.0
+    max_residual: Amount = 3.0
     """Cells by which a lag may miss the solution: one is rounding, the rest bent walls."""
 
 
@@ -278,24 +244,21 @@ class CensiConfig(Checked):
 class FeatureConfig(Checked):
     """OpenCV's features (akaze, orb); a pixel is a cell."""
 
-    POSITIVE = ("reach",)
-    SHARES = ("ratio",)
-
-    margin: int = 32
+    margin: Count = 32
     """Unknown pixels around a map: detectors leave out what is near the border."""
-    orb_features: int = 1500
+    orb_features: Count = 1500
     """Features that ORB keeps at most."""
-    ratio: float = 0.7
+    ratio: Share = 0.7
     """Most distance to the nearest descriptor over that to the second, from OpenCV's stitching."""
-    max_matches: int = 500
+    max_matches: Count = 500
     """Matches kept, the most alike."""
-    proposers: int = 150
+    proposers: Count = 150
     """Matches, the most alike, whose pairs propose transforms; all vote (as in Chum & Matas 2005)."""
-    reach: float = 3.0
+    reach: Positive = 3.0
     """Pixels from its partner within which a match agrees with a transform: OpenCV's default."""
-    min_arm: float = 10.0
+    min_arm: Amount = 10.0
     """Pixels between two matches that propose a transform: 3 pixels of error are 17° then."""
-    min_confidence: float = 0.5
+    min_confidence: Amount = 0.5
     """Of ``agreeing / (8 + 0.3 matches)`` (Brown & Lowe 2007). multirobot_map_merge asks for 1, which refuses
     most true answers at half overlap; on 300 pairs of drawn floor plans (seeds 100–329) 19 of 20 false
     answers have less than 0.46."""
@@ -305,11 +268,9 @@ class FeatureConfig(Checked):
 class AlignConfig(Checked):
     """How two submaps are aligned. Raises ``ValueError`` for an unknown method or a number without sense."""
 
-    POSITIVE = ("resolution",)
-
     method: str = "joint"
-    """A name of `stitch.align.METHODS`: ours ("joint") or one of `stitch.published`."""
-    resolution: float = 0.1
+    """A name of `METHODS`: ours ("joint") or one of `stitch.published`."""
+    resolution: Positive = 0.1
     """Side of the cells [m] that walls are compared in; read by every method."""
     walls: WallConfig = field(default_factory=WallConfig)
     """Of joint."""

@@ -4,50 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from slam import se2
 from slam.mapping.submap import Submap
-from slam.matching import Reference
+from slam.matching import NoMatch, Reference, match
 from slam.se2 import Array
-from stitch.alignment import hough
-from stitch.alignment.acceptance import acceptance_log_odds
+from stitch.alignment import acceptance, hough, translation
 from stitch.alignment.config import AlignConfig, SearchConfig
 from stitch.alignment.likelihood import PRIOR_BONUS, FreeSpaceMap, count_overlap, overlap_log_odds
 from stitch.alignment.raster import Walls, rasterise, walls_of
 from stitch.alignment.refinement import ScoreField, covariance, hill_climb, prior_penalty, score_field
-from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch, max_distance
-from stitch.alignment.rotation import hypotheses
-from stitch.alignment.translation import (
-    LINE,
-    Correlation,
-    best_shifts,
-    correlate,
-    padded_shape,
-    spectra,
-    transform_shape,
-)
-from stitch.alignment.verification import CandidateScores, SharedArea, measure_shared_area, reason_against
+from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 
 LATTICE_CELL, LATTICE_SIDE = 0.1, 512
-"""Cells [m] of the lattice that finds a submap's points, and how many along a side; changes no result."""
-
-
-class SubmapReference(Reference):
-    """The points of a submap, which lie over more ground than those of one scan.
-
-    The lattice that finds them repeats itself every 51 m, not every 13 m.
-    """
-
-    @cached_property
-    def indexed(self) -> tuple[Any, Any]:
-        """The points and their lattice."""
-        from slam.matching.neighbours import build
-
-        return self.cloud, build(self.cloud[0], LATTICE_CELL, LATTICE_SIDE)
+"""Cells [m] of the lattice that finds a submap's points, and how many along a side: it repeats itself every
+51 m, not every 13 m as a scan's. Changes no result."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +61,9 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
         return NoStitch("the prior leaves no alignment at which the maps touch")
     best, *others = candidates
     shared, scores = score_best(problem, candidates)
-    belief = acceptance_log_odds(shared, scores)
-    reason = reason_against(shared, scores, belief, config.acceptance)
+    classifier = acceptance.AcceptanceClassifier.learnt()
+    belief = float(classifier.log_odds(acceptance.features(shared, scores)))
+    reason = acceptance.reason_against(shared, scores, belief, config.acceptance)
     if reason is not None:
         return NoStitch(reason, best)
     located = _located(a, b, problem.field, best)
@@ -97,7 +71,7 @@ def align_joint(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) 
         return located
     T_a_b, sigma = located[0], (located[1] + located[1].T) / 2.0
     if prior is not None:
-        distance, limit = float(prior.distance(T_a_b, sigma)), max_distance(config.prior.confidence)
+        distance, limit = float(prior.distance(T_a_b, sigma)), se2.max_distance(config.prior.confidence)
         if not distance <= limit:
             reason = f"distance from the prior {distance:.3g}, expected at most {limit:.3g}"
             return NoStitch(reason, Alternative(T_a_b, best.score))
@@ -130,15 +104,12 @@ def rotations(walls_a: Array, walls_b: Array, prior: Prior | None, config: Align
     spectrum_a, spectrum_b = (
         hough.spectrum_of(walls, settings.n_theta, config.resolution) for walls in (walls_a, walls_b)
     )
-    angles, heights = hypotheses(
+    angles, heights = hough.hypotheses(
         spectrum_a, spectrum_b, settings.n_peaks, directions.separation, settings.smoothing
     )
     first = np.arange(len(angles)) < 2 * settings.min_peaks  # each has a twin
     angles = angles[first | (heights >= settings.min_peak_ratio * heights[0])]
-    straight = all(
-        hough.SpectrumContrast.of(spectrum).has_directions(directions)
-        for spectrum in (spectrum_a, spectrum_b)
-    )
+    straight = all(hough.has_directions(spectrum, directions) for spectrum in (spectrum_a, spectrum_b))
     if prior is None:
         if straight:
             return angles
@@ -162,16 +133,18 @@ def search(a: Walls, b: Walls, angles: Array, prior: Prior | None, config: Align
         for pair in paired_half_turns(angles)
     ]
     window = None if prior is None else _window(prior, config)
-    shape = padded_shape(raster_a, [raster for _, raster in turned], settings.blur, window)
+    shape = translation.padded_shape(raster_a, [raster for _, raster in turned], settings.blur, window)
     # one large piece of memory for all, which the system then leaves to us from one alignment to the next
-    memory_a, memory_b = np.empty((2, 4, *transform_shape(shape)), dtype=np.complex64)
-    spectra_a = spectra(raster_a, shape, memory_a)
+    memory_a, memory_b = np.empty((2, 4, *translation.transform_shape(shape)), dtype=np.complex64)
+    spectra_a = translation.spectra(raster_a, shape, memory_a)
     found: dict[float, list[Alternative]] = {settings.free_penalty: [], settings.lenient_penalty: []}
     for (*yaws,), raster_b in turned:
-        upright = spectra(raster_b, shape, memory_b)
+        upright = translation.spectra(raster_b, shape, memory_b)
         for k, yaw in enumerate(yaws):
             spectra_b = upright.half_turned() if k else upright
-            correlation = correlate(spectra_a, spectra_b, settings.blur, window, settings.facing_share)
+            correlation = translation.correlate(
+                spectra_a, spectra_b, settings.blur, window, settings.facing_share
+            )
             for penalty, alternatives in found.items():
                 alternatives += _shifts(correlation, penalty, yaw, prior, config)
     centre = b.points.mean(axis=0)
@@ -195,7 +168,7 @@ def paired_half_turns(angles: Array) -> list[list[float]]:
 
 
 def _shifts(
-    correlation: Correlation, penalty: float, yaw: float, prior: Prior | None, config: AlignConfig
+    correlation: translation.Correlation, penalty: float, yaw: float, prior: Prior | None, config: AlignConfig
 ) -> list[Alternative]:
     """The best shifts of one rotation."""
     score = correlation.score(penalty)
@@ -208,7 +181,7 @@ def _shifts(
             np.array([*(correlation.first + correlation.resolution * np.array([column, row])), yaw]),
             float(score[row, column]),
         )
-        for row, column in best_shifts(score, config.search.shifts_per_rotation, separation)
+        for row, column in translation.best_shifts(score, config.search.shifts_per_rotation, separation)
     ]
 
 
@@ -228,18 +201,18 @@ def _distinct(
     centres = se2.transform(poses, centre[None])[:, 0].tolist()
     yaws = poses[:, 2].tolist()
     shift, turn = settings.separation
+
+    def apart(i: int, k: int) -> bool:  # of plain numbers, which numpy is slow with
+        turned = abs((yaws[k] - yaws[i] + math.pi) % (2.0 * math.pi) - math.pi)
+        return math.dist(centres[k], centres[i]) > shift or turned > turn
+
     kept: list[int] = []
     for i in range(len(candidates)):
         if len(kept) == most:
             break
-        if all(math.dist(centres[k], centres[i]) > shift or _turn(yaws[k], yaws[i]) > turn for k in kept):
+        if all(apart(i, k) for k in kept):
             kept.append(i)
     return [candidates[i] for i in kept]
-
-
-def _turn(yaw: float, other: float) -> float:
-    """Angle [rad] between two directions; of plain numbers, which numpy is slow with."""
-    return abs((yaw - other + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def _located(a: Submap, b: Submap, field: ScoreField, best: Alternative) -> tuple[Array, Array] | NoStitch:
@@ -248,10 +221,9 @@ def _located(a: Submap, b: Submap, field: ScoreField, best: Alternative) -> tupl
     sigma = covariance(field, best.T_a_b, pivot)
     if not settings.enabled:
         return best.T_a_b, sigma
-    from slam.matching import NoMatch, match
-
     points = b.points.selected(np.arange(0, len(b.points), 1 + len(b.points) // settings.points))
-    matched = match(SubmapReference(a.points), points, best.T_a_b, settings.method, config=settings.matcher)
+    reference = Reference(a.points, LATTICE_CELL, LATTICE_SIDE)
+    matched = match(reference, points, best.T_a_b, settings.method, config=settings.matcher)
     if isinstance(matched, NoMatch):  # too few of the points have a partner: the climb's answer stands
         return best.T_a_b, sigma
     T_a_b = matched.T_reference_scan
@@ -264,16 +236,18 @@ def _located(a: Submap, b: Submap, field: ScoreField, best: Alternative) -> tupl
 
 def score_best(
     problem: AlignmentProblem, candidates: list[Alternative]
-) -> tuple[SharedArea, CandidateScores]:
+) -> tuple[acceptance.SharedArea, acceptance.CandidateScores]:
     """What the maps share at the first of the candidates, and all its scores."""
     (best, *others), field = candidates, problem.field
     b, T_a_b, config, prior = problem.b.walls, best.T_a_b, field.config, field.prior
-    shared = measure_shared_area(field.raster_a, rasterise(b.points, b.grid, T_a_b, config.resolution))
+    shared = acceptance.measure_shared_area(
+        field.raster_a, rasterise(b.points, b.grid, T_a_b, config.resolution)
+    )
     around = np.pi / 4.0 * np.arange(8)
     shifts = config.acceptance.slide * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
-    left = field.agreement(T_a_b + shifts) - field.penalty / LINE * field.conflict(T_a_b + shifts)
+    left = field.agreement(T_a_b + shifts) - field.penalty / translation.LINE * field.conflict(T_a_b + shifts)
     agreement = float(field.agreement(T_a_b[None])[0])
-    scores = CandidateScores(
+    scores = acceptance.CandidateScores(
         log_odds=best.score,
         rivals=tuple(other.score for other in others),
         positional_distinctness=1.0 - float(left.max()) / max(agreement, 1e-9),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -39,14 +38,6 @@ class Prior:
         error[..., :2] = error[..., :2] @ se2.rotation(self.T_a_b[2])  # row vectors: this is Rᵀ t
         information = np.linalg.inv(self.covariance if covariance is None else self.covariance + covariance)
         return np.einsum("...i,ij,...j->...", error, information, error)
-
-
-@cache
-def max_distance(confidence: float) -> float:
-    """Squared Mahalanobis distance of poses that lie within it with probability ``confidence``: χ²₃."""
-    from scipy.stats import chi2
-
-    return float(chi2.ppf(confidence, 3))
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
+from scipy.fft import fft, irfft2, next_fast_len, rfft
 
 from slam import se2
 from slam.se2 import Array
@@ -123,8 +125,6 @@ def padded_shape(
 
     For a with any of the rasters b in ``turned``, as they are or turned by half a turn.
     """
-    from scipy.fft import next_fast_len
-
     least = np.max([_least_shape(a, b, blur, window) for b in turned], axis=0)
     width, height = (next_fast_len(int(n), real=True) for n in least)
     return height, width
@@ -153,8 +153,6 @@ def spectra(raster: Raster, shape: tuple[int, int], out: np.ndarray | None = Non
 
     They are written to ``out (4, H, W // 2 + 1)`` complex64 where it is given.
     """
-    from scipy.fft import fft, rfft
-
     height, width = raster.occupied.shape
     facing = (None, None) if raster.facing is None else raster.facing
     transforms = np.empty((4, *transform_shape(shape)), dtype=np.complex64) if out is None else out
@@ -191,10 +189,6 @@ def correlate(
     (2,)) m limits the answer to some translations. Raises ``ValueError`` for spectra of different
     shape, or a turned.
     """
-    from scipy.fft import irfft2
-
-    from stitch.alignment.raster_kernels import multiply_spectra
-
     if a.shape != b.shape:
         raise ValueError(f"spectra of different shape: {a.shape} and {b.shape}")
     if a.turned:
@@ -206,28 +200,38 @@ def correlate(
     if window is not None:
         low = np.maximum(low, np.floor(window[0] / a.resolution - offset)).astype(int)
         high = np.minimum(high, np.ceil(window[1] / a.resolution - offset)).astype(int)
-    agreement, conflict = (_lags(irfft2(product, s=a.shape, workers=1), low, high) for product in products)
+    width, height = np.maximum(high - low + 1, 0)
+    agreement, conflict = (  # negative lags sit at the end
+        np.roll(irfft2(product, s=a.shape, workers=1), (-low[1], -low[0]), axis=(0, 1))[:height, :width]
+        for product in products
+    )
     return Correlation(agreement, conflict, a.resolution * (offset + low), a.resolution)
 
 
-def _lags(field: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The lags from ``low`` to ``high`` (column, row) of ``(H, W)``; negative ones sit at the end."""
-    out = np.empty(np.maximum(high - low + 1, 0)[::-1], dtype=field.dtype)
-    for rows, to_rows in _pieces(int(low[1]), int(high[1])):
-        for columns, to_columns in _pieces(int(low[0]), int(high[0])):
-            out[to_rows, to_columns] = field[rows, columns]
+@njit(cache=True)
+def multiply_spectra(a: np.ndarray, b: np.ndarray, gain: np.ndarray, alike: float, turned: bool = False
+                     ) -> np.ndarray:  # fmt: skip
+    """Transforms ``(2, H, W)`` of agreement and conflict from those of two maps ``(4, H, W)``: walls, free
+    space, and the two components of the walls' normals.
+
+    ``gain (H, W)`` is the blur's; ``alike`` the share of the agreement that depends on facing the same way.
+    ``turned``: b is turned by half a turn, which conjugates its transforms and negates its normals.
+    """
+    out = np.empty(a[:2].shape, dtype=np.complex64)
+    agreement, conflict = out[0].ravel(), out[1].ravel()
+    walls_a, free_a, x_a, y_a = a[0].ravel(), a[1].ravel(), a[2].ravel(), a[3].ravel()
+    walls_b, free_b, x_b, y_b = b[0].ravel(), b[1].ravel(), b[2].ravel(), b[3].ravel()
+    flat, one, other = gain.ravel(), np.float32(1.0 - alike), np.float32(alike)
+    for i in range(flat.size):
+        k = np.uint64(i)
+        if turned:
+            walls, free, x, y = walls_b[k], free_b[k], -x_b[k], -y_b[k]
+        else:
+            walls, free, x, y = np.conj(walls_b[k]), np.conj(free_b[k]), np.conj(x_b[k]), np.conj(y_b[k])
+        facing = x_a[k] * x + y_a[k] * y
+        agreement[k] = flat[k] * (one * walls_a[k] * walls + other * facing)
+        conflict[k] = free_a[k] * walls + walls_a[k] * free
     return out
-
-
-def _pieces(low: int, high: int) -> list[tuple[slice, slice]]:
-    """Where lags from ``low`` to ``high`` are, and where they go: the negative ones, then the others."""
-    below, above = min(high + 1, 0), max(low, 0)
-    pieces = []
-    if low < below:
-        pieces.append((slice(low, below or None), slice(0, below - low)))
-    if above <= high:
-        pieces.append((slice(above, high + 1), slice(above - low, high + 1 - low)))
-    return pieces
 
 
 @lru_cache(maxsize=2)

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from slam import se2
-from slam.graph.marginals import marginals
+from slam.graph.gauss_newton import marginals
 from slam.graph.pose_graph import PoseGraph, optimise
+from slam.mapping.submap import Submap
 from slam.se2 import Array
+from slam.table import Table, number
 from stitch.alignment.result import NoStitch, Stitch
+from stitch.command.maps import as_json, between_maps, deviations, margin, pose_between_maps
 
 Pair = tuple[int, int]
+COLUMNS = ["map", "in the frame of", "verdict", "x [m]", "y [m]", "yaw [°]"]
+COLUMNS += ["overlap [m²]", "agreement", "margin"]
 MIN_WEIGHT = 0.5
 """Graduated non-convexity leaves weights near 0 or 1: stitches below this are rejected."""
 
@@ -94,6 +100,63 @@ def _graph(members: list[int], edges: dict[Pair, Stitch]) -> PoseGraph:
     for k in order[1:]:
         i = int(before[k])
         poses[k] = se2.compose(poses[i], T[i, k] if (i, k) in T else se2.inverse(T[k, i]))
-    empty = PoseGraph(poses, np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
     information = [np.linalg.inv(np.asarray(stitch.covariance)) for stitch in edges.values()]
-    return empty.with_loops(np.array(pairs), np.array(list(T.values())), np.array(information))
+    return PoseGraph(poses).with_loops(np.array(pairs), np.array(list(T.values())), np.array(information))
+
+
+def graph_between_maps(submaps: Sequence[Submap], graph: MapGraph) -> MapGraph:
+    """A graph of anchors as one of their maps."""
+    members = [submaps[k] for k in graph.members]
+    return replace(
+        graph,
+        poses=np.array(
+            [pose_between_maps(submaps[0], b, T) for b, T in zip(members, graph.poses, strict=True)]
+        ),
+        covariances=np.array(
+            [se2.transport(sigma, b.anchor) for b, sigma in zip(members, graph.covariances, strict=True)]
+        ),
+        results={(a, b): between_maps(submaps[a], submaps[b], r) for (a, b), r in graph.results.items()},
+    )
+
+
+def graph_json(graph: MapGraph, names: Sequence[str]) -> dict[str, Any]:
+    """Many maps joined: where each lies in the frame of the first, and every pair that was tried."""
+    joined = len(graph.members) > 1
+    maps = zip(graph.members, graph.poses, graph.covariances, strict=True)
+    return {
+        "accepted": joined,
+        "reason": None if joined else f"no map could be joined to {names[0]}",
+        "maps": [
+            {"map": names[k], "T_first_map": T.tolist(), "std": deviations(T, sigma).tolist()}
+            for k, T, sigma in maps
+        ],
+        "left_out": [name for k, name in enumerate(names) if k not in graph.members],
+        "pairs": [
+            {"a": names[a], "b": names[b], **as_json(result), "used": (a, b) in graph.trusted}
+            for (a, b), result in graph.results.items()
+        ],
+    }
+
+
+def pairs_table(graph: MapGraph, names: Sequence[str]) -> Table:
+    """Every pair of maps tried, given between the maps, with the reasons against as notes."""
+    rows, notes = [], []
+    for (a, b), result in graph.results.items():
+        if isinstance(result, NoStitch):
+            rows.append((names[b], names[a], "no", *[""] * 6))
+            notes.append(f"{names[b]} in {names[a]}: no: {result.reason}")
+            continue
+        trusted = (a, b) in graph.trusted
+        if not trusted:
+            notes.append(f"{names[b]} in {names[a]}: not used: contradicted, or apart from the first map")
+        x, y, yaw = result.T_a_b
+        rows.append(
+            (
+                names[b],
+                names[a],
+                "joined" if trusted else "not used",
+                *(number(x), number(y), number(np.degrees(yaw), 2), number(result.overlap_area, 1)),
+                *(number(result.agreement, 2), number(margin(result), 2)),
+            )
+        )
+    return Table(COLUMNS, rows, names=3, notes=notes)

@@ -1,18 +1,27 @@
-"""A ROS map as a submap."""
+"""ROS maps as submaps, read and written; alignments in their frames and in their anchors', and how they are
+told: an object for JSON, lines to read."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from slam import se2
+from slam.cli import InputError
 from slam.formats import FormatError, ros_map
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
+from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
-from stitch.alignment.walls import surfaces
+from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 
+SUFFIXES = (".yaml", ".pgm", ".png")
 MIN_WALLS = 10
 """Occupied cells below which there is nothing to align."""
 MAX_SEARCH = 25_000_000
@@ -26,6 +35,8 @@ def read_submap(path: Path) -> Submap:
     Cells beyond those that are known are cut off. Raises `FormatError` for a map that cannot be read or has
     hardly any wall.
     """
+    from stitch.alignment.walls import surfaces
+
     grid, T_map_anchor = ros_map.read_cells(path)
     walls = int(grid.occupied.sum())
     if walls < MIN_WALLS:
@@ -59,3 +70,151 @@ def cropped(grid: Grid) -> Grid:
     origin = grid.origin + np.array([left, top]) * grid.resolution
     occupied, free = (np.ascontiguousarray(cells[part]) for cells in (grid.occupied, grid.free))
     return Grid(occupied, free, origin, grid.resolution)
+
+
+def prior_between(a: Submap, b: Submap, T_a_b: Array, sigma: Array) -> Prior:
+    """A guess ``T_a_b (3,)`` of map b in the frame of map a, as a prior between their anchors.
+
+    ``sigma (3,)`` m, m, rad are the standard deviations of its numbers. Raises ``ValueError`` where one is
+    not positive or not finite.
+    """
+    if not (np.all(sigma > 0.0) and np.all(np.isfinite(sigma))):
+        raise ValueError(f"expected three standard deviations > 0, got {' '.join(f'{s:g}' for s in sigma)}")
+    covariance = se2.to_body_covariance(T_a_b, np.diag(sigma**2))
+    T = se2.compose(se2.between(a.anchor, T_a_b), b.anchor)
+    return Prior(T, se2.transport(covariance, se2.inverse(b.anchor)))
+
+
+def between_maps(a: Submap, b: Submap, result: Stitch | NoStitch) -> Stitch | NoStitch:
+    """An alignment between the anchors of two submaps as one between their maps."""
+    if isinstance(result, NoStitch):
+        return replace(result, best=result.best and _moved(a, b, result.best))
+    return replace(
+        result,
+        T_a_b=pose_between_maps(a, b, result.T_a_b),
+        covariance=None if result.covariance is None else se2.transport(result.covariance, b.anchor),
+        alternatives=tuple(_moved(a, b, alternative) for alternative in result.alternatives),
+    )
+
+
+def pose_between_maps(a: Submap, b: Submap, T: Array) -> Array:
+    """Pose ``T (3,)`` of the anchor of b seen from that of a, as one of their maps."""
+    return se2.compose(se2.compose(a.anchor, T), se2.inverse(b.anchor))
+
+
+def _moved(a: Submap, b: Submap, alternative: Alternative) -> Alternative:
+    return replace(alternative, T_a_b=pose_between_maps(a, b, alternative.T_a_b))
+
+
+def deviations(T_a_b: Array, covariance: Array) -> Array:
+    """Standard deviations ``(3,)`` of a pose's x, y and yaw, from its body covariance ``(3, 3)``."""
+    R = np.eye(3)
+    R[:2, :2] = se2.rotation(T_a_b[2])
+    return np.sqrt(np.diag(R @ covariance @ R.T))
+
+
+def output_paths(out: Path) -> list[Path]:
+    """The files NAME.yaml, NAME.pgm and NAME.png of a merged map; ``out`` may be named after one of them."""
+    stem = out.name.removesuffix(out.suffix) if out.suffix in SUFFIXES else out.name
+    return [out.with_name(stem + suffix) for suffix in SUFFIXES]
+
+
+def check_output(out: Path) -> None:
+    """See that the files can be written, without touching anything. Raises `InputError`."""
+    if not out.name or out.is_dir():
+        raise InputError(f"--out {out}: is a folder, expected the name of a map, as in {out / 'merged'}")
+    there = next(folder for folder in out.absolute().parents if os.path.lexists(folder))
+    if not there.is_dir():
+        raise InputError(f"--out {out}: {there} is not a folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"--out {out}: {there} cannot be written")
+
+
+def check_inputs(out: Path, maps: Iterable[Path]) -> None:
+    """See that no map would be overwritten. Raises `InputError`."""
+    written = {path.resolve() for path in output_paths(out)}
+    for path in maps:
+        for file in (path, ros_map.image_of(path)):
+            if file.resolve() in written:
+                raise InputError(f"--out {out}: would overwrite {file}, expected another name")
+
+
+def write_map(out: Path, grid: Grid, yaw: float, picture: bytes) -> list[Path]:
+    """Write all files or none, in a folder that is made where it is missing; returns their paths.
+
+    ``yaw`` rad turns the grid's rows about its origin. Raises `InputError` when the file system does not let
+    us write.
+    """
+    finals = output_paths(out)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".unfinished-", dir=out.parent) as folder:
+            temporary = [Path(folder) / path.name for path in finals]
+            ros_map.write(temporary[0], grid, yaw)
+            temporary[2].write_bytes(picture)
+            for source, final in zip(temporary, finals, strict=True):
+                source.replace(final)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
+    return finals
+
+
+def as_json(result: Stitch | NoStitch) -> dict[str, Any]:
+    """An alignment of two maps in m, m² and rad; ``null`` is what there is none of.
+
+    ``std`` are the standard deviations of the three numbers of ``T_a_b``; ``belief`` is the probability that
+    they are right at all, as of simulated pairs like these; ``alternatives`` are the other candidates, best
+    first; of a refusal all of them are, the best one too.
+    """
+    content: dict[str, Any] = {"accepted": isinstance(result, Stitch)}
+    content |= dict.fromkeys(("T_a_b", "std", "overlap_m2", "agreement", "margin", "reason"))
+    if isinstance(result, NoStitch):
+        content["reason"], belief = result.reason, None
+        others = [] if result.best is None else [result.best]
+    else:
+        others, belief = list(result.alternatives), result.belief
+        content["T_a_b"] = result.T_a_b.tolist()
+        if result.covariance is not None:
+            content["std"] = deviations(result.T_a_b, result.covariance).tolist()
+        content["overlap_m2"], content["agreement"] = result.overlap_area, result.agreement
+        content["margin"] = margin(result)
+    content["alternatives"] = [{"T_a_b": other.T_a_b.tolist(), "score": other.score} for other in others]
+    return content | {"belief": None if belief is None else _probability(belief)}
+
+
+def _probability(log_odds: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-log_odds)))
+
+
+def margin(stitch: Stitch) -> float | None:
+    """What the runner-up lacks of the best score, as a share of it; None without a runner-up."""
+    if not stitch.alternatives or not stitch.score > 0.0:
+        return None
+    return 1.0 - stitch.alternatives[0].score / stitch.score
+
+
+def in_words(T_a_b: Array) -> str:
+    """A pose in one line, in m and degrees."""
+    return f"x {T_a_b[0]:.3f} m, y {T_a_b[1]:.3f} m, yaw {np.degrees(T_a_b[2]):.2f}°"
+
+
+def as_text(stitch: Stitch, a: str, b: str) -> str:
+    """The stitch of map ``b`` to map ``a``, one line for each thing to know."""
+    std = None if stitch.covariance is None else deviations(stitch.T_a_b, stitch.covariance)
+    numbers = zip(("x", "y", "yaw"), stitch.T_a_b, "mm°", [None] * 3 if std is None else std, strict=True)
+    lines = [f"{b} in the frame of {a}"]
+    for name, value, unit, sigma in numbers:
+        factor = 180.0 / np.pi if unit == "°" else 1.0
+        spread = "" if sigma is None else f" ± {factor * sigma:.3f}"
+        exactly = f"   ({value:.5f} rad)" if unit == "°" else ""
+        lines.append(f"  {name:<9} {factor * value:10.3f}{spread} {unit}{exactly}")
+    if std is None:
+        lines.append("  the method tells nothing of how sure it is")
+    lines.append(f"  overlap   {stitch.overlap_area:10.1f} m²")
+    lines.append(f"  agreement {stitch.agreement:10.2f} of the walls in the overlap are in both maps")
+    if stitch.belief is not None:
+        lines.append(f"  belief    {100.0 * _probability(stitch.belief):10.1f} % that it is right at all")
+    lead = margin(stitch)
+    rival = "none" if lead is None else f"{in_words(stitch.alternatives[0].T_a_b)}, margin {lead:.2f}"
+    lines.append(f"  runner-up {rival}")
+    return "\n".join(lines)

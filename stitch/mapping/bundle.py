@@ -1,9 +1,7 @@
-"""Bundle adjustment of scans: neighbouring keyframes matched pairwise, again and again, all poses solved
-at once.
+"""Bundle adjustment: neighbouring keyframes matched pairwise, again and again, all poses solved at once.
 
-What all poses cost at once grows with the square of the passes tied to each other. So where enough passes
-have seen a place, later ones are placed in the map of the others, which stays as it is (Kretzschmar &
-Stachniss 2012 leave them out: they say little new).
+Its cost grows with the square of the passes tied to each other. So where enough passes have seen a place,
+later ones are placed in the map of the others (Kretzschmar & Stachniss 2012 leave them out).
 """
 
 from __future__ import annotations
@@ -16,13 +14,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from slam import se2
-from slam.graph.gauss_newton import ITERATIONS, Problem
 from slam.graph.odometry_factors import OdometryFactorConfig, dead_reckoning_graph
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping import keyframes
 from slam.mapping.keyframes import KeyframeConfig
 from slam.matching import MatchConfig, Reference
-from slam.matching.reference import SCAN_CELL
 from slam.odometry.dead_reckoning import DeadReckoning
 from slam.scan import Scan
 from slam.se2 import Array
@@ -95,13 +91,16 @@ def adjust_all_scans(
     ``matched (N,)`` bool marks the scans that may be matched. Keyframes that make the map are adjusted with
     each other; the remaining ones are carried along with their neighbours, then optimised with the map fixed.
     """
+    from slam.graph.gauss_newton import factor_of
+
     rows = keyframes.choose(poses, spacing)
     before, usable = poses[rows], matched[rows]
     in_map = select_map_keyframes(before, usable, config)
     factors = dead_reckoning_graph(reckoning, poses, rows[in_map], odometry)
     graph = adjust([scans[k] for k in rows[in_map]], factors, usable[in_map], config)
     after, covariance = before.copy(), np.zeros((len(rows), 3, 3))
-    after[in_map], covariance[in_map] = graph.poses, _marginals(graph)
+    after[in_map] = graph.poses
+    covariance[in_map] = factor_of(graph, graph.poses).inverse_blocks()
     if not np.all(in_map):
         firm = np.flatnonzero(in_map & usable)
         beside = firm[cKDTree(before[firm, :2]).query(before[~in_map, :2])[1]]
@@ -114,14 +113,9 @@ def adjust_all_scans(
         graph = adjust([scans[k] for k in rows], factors, usable, placing, in_map)
         after = graph.poses
         of_map = se2.transport(covariance[beside], se2.between(after[~in_map], after[beside]))
-        covariance[~in_map] = of_map + _marginals(graph, in_map)[~in_map]
+        own = factor_of(graph, graph.poses, in_map).inverse_blocks()
+        covariance[~in_map] = of_map + own[~in_map]
     return keyframes.carry(poses, rows, after), covariance[keyframes.nearest(rows, len(poses))]
-
-
-def _marginals(graph: PoseGraph, fixed: np.ndarray | None = None) -> Array:
-    """Covariances ``(K, 3, 3)`` in the body frame at the graph's poses; given where the fixed ones are."""
-    factor, _ = Problem.of(graph, fixed).factor(graph.poses, np.ones(len(graph.edges)))
-    return factor.inverse_blocks()
 
 
 def select_map_keyframes(poses: Array, usable: np.ndarray, config: BundleConfig) -> np.ndarray:
@@ -157,16 +151,22 @@ def adjust(
     ``factors`` holds what is not matched here (dead reckoning), at the poses to start from. Those that
     ``fixed (K,)`` bool marks (default: none) stay where they are, and the others are matched to them alone.
     """
-    cloud = _Cloud.of(scans)
+    from slam.graph.gauss_newton import settle
+
+    cloud = _Cloud.of([Reference(scan, side=SIDE) for scan in scans])
     pairs = choose_pairs(factors.poses, usable, config, fixed)
     graph = factors
     for radius in config.radii:
-        seen, T_ij, information, misfit = cloud.linearise_pairs(graph.poses, pairs, radius, config)
-        graph = _with_pairs(replace(factors, poses=graph.poses), seen, T_ij, information)
-        graph = _optimise(graph, fixed, config.steps)
-    doubt = discount_tilted(misfit, config)
-    graph = _with_pairs(replace(factors, poses=graph.poses), seen, T_ij, information / doubt[:, None, None])
-    return _optimise(graph, fixed)
+        guesses = se2.between(*graph.poses[pairs.T])
+        T_ij, information, used, misfit = cloud.linearise(pairs, guesses, radius, config)
+        known = used >= config.least_pairs
+        edges, T_ij = pairs[known], T_ij[known]
+        information = se2.to_body_covariance(T_ij, information[known]) / config.match_inflation
+        graph = replace(factors, poses=graph.poses).with_edges(edges, T_ij, information)
+        graph = settle(graph, fixed, config.steps)
+    doubt = discount_tilted(misfit[known], config)[:, None, None]
+    graph = replace(factors, poses=graph.poses).with_edges(edges, T_ij, information / doubt)
+    return settle(graph, fixed)
 
 
 def discount_tilted(misfit: Array, config: BundleConfig) -> Array:
@@ -174,46 +174,56 @@ def discount_tilted(misfit: Array, config: BundleConfig) -> Array:
     return np.maximum(1.0, misfit / config.level_misfit) ** config.tilt_discount
 
 
-def _optimise(graph: PoseGraph, fixed: np.ndarray | None, steps: int = ITERATIONS) -> PoseGraph:
-    weights = np.ones(len(graph.edges))
-    return replace(graph, poses=Problem.of(graph, fixed).descend(graph.poses, weights, steps))
-
-
 @dataclass(frozen=True)
 class _Cloud:
-    """All keyframes packed for the kernel: scan k in rows ``offsets[k]:offsets[k + 1]``, with its lattice."""
+    """Scans packed for the kernel: scan k in rows ``offsets[k]:offsets[k + 1]``, with its lattice."""
 
     arrays: tuple[Array, ...]
     offsets: np.ndarray
     lattice: tuple[Any, ...]
 
     @classmethod
-    def of(cls, scans: Sequence[Scan]) -> _Cloud:
-        """The cloud of scans in the robot's frame; their points keep their order."""
-        from slam.matching.neighbours import build
-
-        clouds = [Reference(scan).cloud for scan in scans]
-        lattices = [build(cloud[0], SCAN_CELL, SIDE) for cloud in clouds]
+    def of(cls, scans: Sequence[Reference]) -> _Cloud:
+        """That of scans whose lattices are all of one cell and side."""
+        clouds, lattices = zip(*(scan.indexed for scan in scans), strict=True)
         cell, heads, following = zip(*lattices, strict=True)
         arrays = tuple(np.concatenate(parts) for parts in zip(*clouds, strict=True))
         offsets = np.concatenate([[0], np.cumsum([len(scan) for scan in scans])]).astype(np.int64)
         return cls(arrays, offsets, (cell[0], np.stack(heads), np.concatenate(following)))
 
-    def linearise_pairs(
-        self, poses: Array, pairs: np.ndarray, radius: float, config: BundleConfig
-    ) -> tuple[np.ndarray, Array, Array, Array]:
-        """Pairs that see each other, their relative poses ``T_ij`` one step on, the information in the body
-        of j, and how far their points are off (mean robust χ²)."""
+    def linearise(self, pairs: np.ndarray, guesses: Array, radius: float, config: BundleConfig) -> Any:
+        """One step of each pair ``(P, 2)`` from ``guesses (P, 3)``, as `slam.matching.kernels` has it."""
         from slam.matching.kernels import linearise_pairs
 
-        guesses = se2.between(poses[pairs[:, 0]], poses[pairs[:, 1]])
-        T_ij, information, used, misfit = linearise_pairs(
+        return linearise_pairs(
             self.arrays, self.offsets, self.lattice, pairs, guesses, radius,
             config.robust, config.fade, config.length, config.same_side, config.freeze_ratio,
         )  # fmt: skip
-        known = used >= config.least_pairs
-        in_body = se2.to_body_covariance(T_ij[known], information[known]) / config.match_inflation
-        return pairs[known], T_ij[known], in_body, misfit[known]
+
+
+def match_keyframe(
+    references: Sequence[Reference],
+    scan: Reference,
+    guesses: Array,
+    config: BundleConfig,
+    limit: tuple[float, float],
+) -> tuple[np.ndarray, Array, Array]:
+    """A scan matched to each of P references from ``guesses (P, 3)`` of it seen from them.
+
+    Returns which of them ``(P,)`` bool see enough of it and leave their guess by no more than ``limit`` (m,
+    rad), and of these the poses ``T_ij (M, 3)`` and their information ``(M, 3, 3)`` in the scan's body.
+    """
+    cloud, count = _Cloud.of([*references, scan]), len(references)
+    pairs = np.stack([np.arange(count), np.full(count, count)], axis=1)
+    T_ij = guesses
+    for radius in config.radii:
+        T_ij, information, used, misfit = cloud.linearise(pairs, T_ij, radius, config)
+    left = np.abs(se2.between(guesses, T_ij))
+    known = (used >= config.least_pairs) & (np.hypot(left[:, 0], left[:, 1]) <= limit[0])
+    known &= left[:, 2] <= limit[1]
+    divisor = config.match_inflation * discount_tilted(misfit[known], config)
+    in_body = se2.to_body_covariance(T_ij[known], information[known]) / divisor[:, None, None]
+    return known, T_ij[known], in_body
 
 
 def choose_pairs(
@@ -229,6 +239,13 @@ def choose_pairs(
         near = firsts[np.sort(tree.query_ball_point(poses[j, :2], config.reach)).astype(np.int64)]
         pairs += [(int(i), int(j)) for i in choose_neighbours(poses, int(j), near, config)]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def partners(poses: Array, j: int, allowed: np.ndarray, config: BundleConfig) -> np.ndarray:
+    """Earlier ones of ``poses (K, 3)`` to match keyframe j to: near it and from as many passes as there are,
+    among those that ``allowed (K,)`` bool marks."""
+    apart = np.linalg.norm(poses[:j, :2] - poses[j, :2], axis=1)
+    return choose_neighbours(poses, j, np.flatnonzero((apart <= config.reach) & allowed[:j]), config)
 
 
 def choose_neighbours(poses: Array, j: int, near: np.ndarray, config: BundleConfig) -> np.ndarray:
@@ -254,14 +271,3 @@ def _spread(run: np.ndarray, apart: Array, most: int) -> np.ndarray:
     even = run[np.linspace(0, len(run) - 1, most).round().astype(int)]
     even[int(np.argmin(apart[even]))] = run[int(np.argmin(apart[run]))]
     return np.unique(even)
-
-
-def _with_pairs(factors: PoseGraph, pairs: np.ndarray, T_ij: Array, information: Array) -> PoseGraph:
-    return replace(
-        factors,
-        edges=np.concatenate([factors.edges, pairs]),
-        T_ij=np.concatenate([factors.T_ij, T_ij]),
-        information=np.concatenate([factors.information, information]),
-        loop=np.zeros(len(factors.edges) + len(pairs), dtype=bool),
-        heavy_tailed=np.concatenate([factors.heavy_tailed, np.zeros(len(pairs), dtype=bool)]),
-    )

@@ -13,7 +13,7 @@ from slam.odometry.laser_mount import LaserMountConfig
 from slam.odometry.segmentation import SegmentationConfig
 from slam.odometry.tracker import FrontendConfig
 from stitch.mapping.bundle import BundleConfig
-from stitch.mapping.rejection import RejectionConfig
+from stitch.mapping.estimate import RejectionConfig
 from stitch.mapping.submap_graph import LoopConfig
 from stitch.mapping.submaps import SubmapConfig
 

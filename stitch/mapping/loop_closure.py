@@ -64,25 +64,20 @@ class LoopCloser:
                 graph.optimise()
 
     def redraw(self, redraw: Redraw | None) -> None:
-        """Let submaps be drawn as the graph now has them, and retry the pairs that this may decide."""
+        """Let submaps be drawn as the graph now has them, and refused pairs be tried again of which a submap
+        was redrawn, or which are expected elsewhere by now."""
         graph = self.submap_graph
         drawn = graph.submaps if redraw is None else redraw(graph.poses, graph.submaps)
         redrawn = {k for k, (old, new) in enumerate(zip(graph.submaps, drawn, strict=True)) if new is not old}
         graph.submaps = drawn
-        self._retry(redrawn)
-
-    def _retry(self, redrawn: set[int]) -> None:
-        """Allow refused pairs to be tried again of which a submap was ``redrawn``, or which are expected
-        elsewhere by now."""
-        graph, config = self.submap_graph, self.config
         last = {(c.a, c.b): c for c in self.tried}
         attempts = Counter((c.a, c.b) for c in self.tried)
         for (a, b), candidate in last.items():
-            if isinstance(candidate.result, Stitch) or attempts[a, b] >= config.max_attempts:
+            if isinstance(candidate.result, Stitch) or attempts[a, b] >= self.config.max_attempts:
                 continue
             here = se2.between(graph.anchors[a], graph.anchors[b])
             prior = candidate.prior
-            moved = prior is not None and prior.distance(here) > config.retry_distance**2
+            moved = prior is not None and prior.distance(here) > self.config.retry_distance**2
             if moved or a in redrawn or b in redrawn:
                 graph.results.pop((a, b), None)
 

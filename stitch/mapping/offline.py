@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,14 +22,8 @@ from slam.se2 import Array
 from stitch.align import align
 from stitch.mapping.bundle import adjust_all_scans
 from stitch.mapping.config import MappingConfig
-from stitch.mapping.estimate import Estimate, NoEstimate
-from stitch.mapping.loop_closure import (
-    LoopClosureResult,
-    Stitcher,
-    close_loops,
-    reject_inconsistent_loops,
-)
-from stitch.mapping.rejection import rejection_reason
+from stitch.mapping.estimate import Estimate, NoEstimate, rejection_reason
+from stitch.mapping.loop_closure import LoopClosureResult, Stitcher, close_loops, reject_inconsistent_loops
 from stitch.mapping.submap_graph import SubmapGraph
 from stitch.mapping.submaps import SubmapBuilder, gap_nodes, split_by_length, trim_relocalisation_jump
 
@@ -78,11 +72,11 @@ def build_map(
     drive = close_drive(reckoning, scans, tracked, steady, config, stitch, revise)
     if drive is None:
         return Estimate("slamstitch", tracked.poses, track=tracked)
+    closed, nodes, poses = drive
     matched = tracked.verdict != Verdict.FELL_BACK
     poses, covariance = adjust_all_scans(
-        reckoning, scans, drive.poses, matched, config.bundle, config.keyframes, config.odometry
+        reckoning, scans, poses, matched, config.bundle, config.keyframes, config.odometry
     )
-    closed = drive.closed
     anchors = poses[[submap.start for submap in closed.submaps]]
     return Estimate(
         "slamstitch",
@@ -91,19 +85,9 @@ def build_map(
         track=tracked,
         submaps=closed.submaps,
         stitches=reject_inconsistent_loops(closed.tried, anchors, config.loops.max_residual),
-        graph_before=replace(closed.graph, poses=tracked.poses[drive.nodes]),
+        graph_before=replace(closed.graph, poses=tracked.poses[nodes]),
         graph_after=replace(closed.graph, poses=closed.poses),
     )
-
-
-@dataclass(frozen=True)
-class ClosedDrive:
-    """A drive whose loops are ``closed`` between the scans ``nodes (L,)``, and the ``poses (N, 3)`` that this
-    leaves."""
-
-    closed: LoopClosureResult
-    nodes: np.ndarray
-    poses: Array
 
 
 def close_drive(
@@ -114,9 +98,13 @@ def close_drive(
     config: MappingConfig,
     stitch: Stitcher,
     revise: Revise | None = None,
-) -> ClosedDrive | None:
+) -> tuple[LoopClosureResult, np.ndarray, Array] | None:
     """The ``steady`` segments of a track cut into submaps, stitched and closed; None where there is none, too
-    little being matched to be a map."""
+    little being matched to be a map.
+
+    Returns the closed loops, the scans ``(L,)`` that are nodes of their graph, and the poses ``(N, 3)`` that
+    this leaves.
+    """
     recording = reckoning.measurements
     assert isinstance(recording, Recording)
     if not steady:
@@ -134,4 +122,4 @@ def close_drive(
     closed = close_loops(graph, stitch, builder.redraw)
     if revise is not None:
         closed = revise(closed, odometry.poses)
-    return ClosedDrive(closed, nodes, keyframes.carry(tracked.poses, nodes, closed.poses))
+    return closed, nodes, keyframes.carry(tracked.poses, nodes, closed.poses)

@@ -15,8 +15,8 @@ import numpy as np
 
 from slam import se2
 from slam.graph.isam2 import IncrementalGraph
-from slam.graph.odometry_factors import dead_reckoning_graph, step_covariance
-from slam.graph.pose_graph import informations
+from slam.graph.odometry_factors import dead_reckoning_graph, odometry_graph, step_covariance
+from slam.graph.pose_graph import PoseGraph, informations
 from slam.mapping import keyframes
 from slam.mapping.submap import cut
 from slam.matching import Reference
@@ -31,14 +31,12 @@ from slam.recording import Laser, Recording, Source
 from slam.scan import Scan
 from slam.se2 import Array
 from stitch.align import Stitch, align
+from stitch.mapping.bundle import match_keyframe, partners
 from stitch.mapping.config import MappingConfig
-from stitch.mapping.estimate import Estimate, LoopCandidate, NoEstimate, OnlineResult
-from stitch.mapping.growing_submap_graph import GrowingSubmapGraph
+from stitch.mapping.estimate import Estimate, LoopCandidate, NoEstimate, OnlineResult, rejection_reason
 from stitch.mapping.loop_closure import Stitcher, gate_by_belief
 from stitch.mapping.offline import find_mount
-from stitch.mapping.pairing import match_pairs, partners
-from stitch.mapping.rejection import rejection_reason
-from stitch.mapping.submap_graph import with_weights
+from stitch.mapping.submap_graph import SubmapGraph, with_weights
 
 
 @dataclass(frozen=True)
@@ -107,8 +105,9 @@ class OnlineMapper:
         stitch: Stitcher | None = None,
     ) -> None:
         self.config = config
+        online = config.online
         self.bundle = replace(
-            config.bundle, neighbours=config.online.neighbours, per_pass=config.online.per_pass
+            config.bundle, neighbours=online.neighbours, per_pass=online.per_pass, radii=online.radii
         )
         self.stitch = partial(align, config=config.loops.align) if stitch is None else stitch
         self.measurements = MeasurementLog(laser, angles, source)
@@ -116,9 +115,7 @@ class OnlineMapper:
         self.tracker = Tracker(self.measurements, config.frontend)
         self.tilt = TiltDetector(config.frontend.tilt_limit, config.online.tilt_window)
         self.graph: IncrementalGraph  # from the first scan on
-        self.submap_graph = GrowingSubmapGraph(
-            self.reckoning, config.loops, config.odometry, config.online.match_distance
-        )
+        self.submap_graph = SubmapGraph([], PoseGraph(np.zeros((0, 3))), source, config.loops)
         self._unfiltered: list[Scan] = []
         self._scans: list[Scan] = []
         self._nodes: list[_Node] = []
@@ -146,13 +143,11 @@ class OnlineMapper:
         ignored, and the next one may be processed.
         """
         log = self.measurements
-        if isinstance(ranges, Scan):
-            scan, ranges = ranges, ranges.to_ranges(log.angles, log.laser)
-            log.append(ranges, time, dead_reckoning, attitude)
-        else:
-            log.append(ranges, time, dead_reckoning, attitude)
-            scan = Scan.from_ranges(log.ranges[-1], log.angles, log.laser, self.config.frontend.scan)
-        return self._step(scan, self.tilt.is_tilted(attitude))
+        seen = ranges.to_ranges(log.angles, log.laser) if isinstance(ranges, Scan) else ranges
+        log.append(seen, time, dead_reckoning, attitude)
+        if not isinstance(ranges, Scan):
+            ranges = Scan.from_ranges(log.ranges[-1], log.angles, log.laser, self.config.frontend.scan)
+        return self._step(ranges, self.tilt.is_tilted(attitude))
 
     def estimate(self) -> Estimate:
         """The whole drive as the final graph has it, all work done; no scan may follow.
@@ -169,7 +164,7 @@ class OnlineMapper:
         track, rows, poses = self.tracker.track(), self._rows(), self.graph.poses()
         submap_graph = self.submap_graph
         starts = submap_graph.starts
-        after = None if not starts else submap_graph.pose_graph(poses[np.searchsorted(rows, starts)])
+        after = replace(submap_graph.graph(), poses=poses[self._anchors()]) if starts else None
         return Estimate(
             "slamstitch_online",
             keyframes.carry(track.poses, rows, poses),
@@ -212,9 +207,9 @@ class OnlineMapper:
         """Scan numbers ``(K,)`` of the nodes."""
         return np.array([node.row for node in self._nodes])
 
-    def _node_of(self, submap: int) -> int:
-        """The node of a submap's anchor."""
-        return int(np.searchsorted(self._rows(), self.submap_graph.starts[submap]))
+    def _anchors(self) -> np.ndarray:
+        """Nodes ``(S,)`` of the submaps' anchors."""
+        return np.searchsorted(self._rows(), self.submap_graph.starts)
 
     def _is_keyframe(self, k: int) -> bool:
         spacing = self.config.keyframes
@@ -237,9 +232,10 @@ class OnlineMapper:
         self.graph.add_node(se2.compose(self.graph.pose(i), se2.between(before, after)))
         tie = dead_reckoning_graph(self.reckoning, self.tracker.poses, rows, self.config.odometry)
         self.graph.add_edge(i, j, tie.T_ij[0], tie.information[0], bool(tie.heavy_tailed[0]))
-        if tie.world_steps is not None:
-            steps = tie.world_steps
-            self.graph.add_world_step(i, j, steps.displacement[0], float(steps.variance[0]))
+        for displacement, variance in zip(
+            tie.world_steps.displacement, tie.world_steps.variance, strict=True
+        ):
+            self.graph.add_world_step(i, j, displacement, float(variance))
 
     def _match_node(self, j: int) -> None:
         """Match node j to its neighbours, as far as that has not been done."""
@@ -253,14 +249,23 @@ class OnlineMapper:
             return
         references = [self._nodes[i].reference for i in chosen]
         guesses = se2.between(poses[chosen], poses[j])
-        matches = match_pairs(references, node.reference, guesses, chosen, self.bundle, self.config.online)
-        for i, T_ij, information in zip(matches.partners, matches.T_ij, matches.information, strict=True):
+        limit = (self.config.online.max_shift, self.config.online.max_turn)
+        known, *matches = match_keyframe(references, node.reference, guesses, self.bundle, limit)
+        for i, T_ij, information in zip(chosen[known], *matches, strict=True):
             self._pairs[self.graph.add_edge(int(i), j, T_ij, information)] = int(i), j
             node.matched_to.add(int(i))
 
     def _matchable(self, j: int) -> np.ndarray:
         """Nodes ``(K,)`` bool whose place beside node j is known well enough to match their scans."""
-        near = self.submap_graph.near(self._nodes[j].submap, self._open)
+        graph, loops, number = self.submap_graph, self.config.loops, self._nodes[j].submap
+        last = len(graph.submaps) - 1
+        near = np.array([number] if number >= 0 else [], dtype=np.int64)
+        if number >= 0 and last >= 0:
+            distance = graph.distances(min(number, last))
+            if number > last:  # the submap being driven
+                broken = graph.submaps[-1].stop != self._open
+                distance = distance + loops.length + loops.broken_edge * broken
+            near = np.append(np.flatnonzero(distance <= self.config.online.match_distance), near)
         usable = np.array([node.usable for node in self._nodes])
         return usable & np.isin([node.submap for node in self._nodes], near)
 
@@ -299,8 +304,14 @@ class OnlineMapper:
         drawn = np.array([node.row for node in inside if node.usable])
         resolution = self.config.submaps.resolution
         submap = cut(self.measurements, self._scans, self.tracker.poses, start, stop, drawn, resolution)
-        self.submap_graph.add(submap, self.tracker.track(0, ()))
-        self._queue_candidates(number)
+        step = None
+        if number > 0:
+            ends = np.array([self.submap_graph.submaps[-1].start, start])
+            step = odometry_graph(self.reckoning, self.tracker.track(0, ()), ends, self.config.odometry)
+        self.submap_graph.add(submap, step)
+        self.submap_graph.poses = self.graph.poses()[self._anchors()]
+        if number > 0:
+            self._waiting_stitches += [(a, number) for a in self.submap_graph.candidates(number)]
 
     def _owner(self, start: int, stop: int) -> int:
         """The submap that scans ``start..stop-1`` before a loss belong to: the next one, or the last one
@@ -310,16 +321,6 @@ class OnlineMapper:
             path = se2.path_length(self.tracker.poses[start:stop])[-1]
             return len(submaps) - (path < 0.5 * self.config.loops.length)
         return len(submaps) if self._steps >= self.config.segmentation.least_steps else -1
-
-    def _queue_candidates(self, b: int) -> None:
-        """Queue the submaps that may overlap submap b."""
-        self._place_submaps()
-        self._waiting_stitches += [(a, b) for a in self.submap_graph.candidates(b)]
-
-    def _place_submaps(self) -> None:
-        """Bring the submaps' poses in line with the graph's."""
-        anchors = np.searchsorted(self._rows(), self.submap_graph.starts)
-        self.submap_graph.poses = self.graph.poses()[anchors]
 
     # Work that waits
 
@@ -335,7 +336,7 @@ class OnlineMapper:
     def _try_stitch(self, a: int, b: int) -> None:
         """Stitch submaps a and b; a stitch that agrees with the graph counts, another makes it judge anew."""
         submap_graph = self.submap_graph
-        self._place_submaps()
+        submap_graph.poses = self.graph.poses()[self._anchors()]
         prior = submap_graph.search_prior(a, b)
         result = self.stitch(submap_graph.submaps[a], submap_graph.submaps[b], prior)
         result = gate_by_belief(result, prior, self.config.loops.least_belief)
@@ -346,13 +347,13 @@ class OnlineMapper:
         if self._innovation(a, b, result) <= self.config.online.max_innovation:
             submap_graph.trust_last()
         else:
-            submap_graph.judge()
+            submap_graph.optimise()
         self._follow_judgement()
 
     def _innovation(self, a: int, b: int, stitch: Stitch) -> float:
         """Squared Mahalanobis distance of a stitch from where the graph expects it."""
         assert stitch.covariance is not None
-        i, j = self._node_of(a), self._node_of(b)
+        i, j = self._anchors()[[a, b]].tolist()
         off = se2.log(se2.between(se2.between(self.graph.pose(i), self.graph.pose(j)), stitch.T_a_b))
         covariance = self.graph.relative_covariance(i, j) + stitch.covariance
         return float(off @ np.linalg.solve(covariance, off))
@@ -366,8 +367,8 @@ class OnlineMapper:
         for a, b in added:
             stitch = trusted[a, b]
             information = informations(np.array([[a, b]]), np.asarray(stitch.covariance))[0]
-            edge = self.graph.add_edge(self._node_of(a), self._node_of(b), stitch.T_a_b, information)
-            self._loops[a, b] = edge
+            i, j = self._anchors()[[a, b]]
+            self._loops[a, b] = self.graph.add_edge(i, j, stitch.T_a_b, information)
             self._waiting_nodes |= {n: None for n, node in enumerate(self._nodes) if node.submap >= b}
         self._loops_changed |= bool(dropped or added)
 

@@ -6,26 +6,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from slam import se2
-from slam.graph.cholesky import Factor
-from slam.graph.gauss_newton import Problem
-from slam.graph.gnc import solve_gnc
-from slam.graph.marginals import relative_covariance
-from slam.graph.pose_graph import (
-    DEFAULT_GNC,
-    GncConfig,
-    Loss,
-    PoseGraph,
-    Solution,
-    informations,
-    optimise,
-)
+from slam.graph.pose_graph import GncConfig, Loss, PoseGraph, Solution, WorldSteps, informations, optimise
 from slam.mapping.submap import Submap
 from slam.recording import Source
 from slam.se2 import Array
@@ -86,7 +74,7 @@ class LoopConfig:
     """How two submaps are aligned: those of a few metres bend less than its default says."""
     back_end: Loss = "gnc"
     """How the graph judges stitches, one of `BACK_ENDS`."""
-    gnc: GncConfig = DEFAULT_GNC
+    gnc: GncConfig = field(default_factory=GncConfig)
     """Graduated non-convexity."""
 
     def __post_init__(self) -> None:
@@ -99,7 +87,7 @@ class SubmapGraph:
 
     ``odometry`` is the graph over the drive; ``nodes (K,)`` are its nodes that stand for the submaps'
     anchors, by default all. ``poses (L, 3)`` are those of all its nodes, ``weights`` how far each stitch is
-    trusted, in the order of finding.
+    trusted, in the order of finding. A drive that goes on has its submaps added one by one.
     """
 
     def __init__(
@@ -117,13 +105,44 @@ class SubmapGraph:
         self.weights: Array = np.zeros(0)
         window = config.window_ins if source == "ins" else config.window
         self._window_covariance = (np.diag([window, window, config.window_angle]) / 3.0) ** 2
-        broken = np.array([a.stop != b.start for a, b in pairwise(submaps)], dtype=float)
+        self._start_from(odometry)
+
+    def _start_from(self, odometry: PoseGraph) -> None:
+        """Take in the graph over the drive and the submaps as they are now."""
+        self._odometry = self._graph = odometry
+        broken = np.array([a.stop != b.start for a, b in pairwise(self.submaps)], dtype=float)
         walked = np.linalg.norm(np.diff(odometry.poses[self.nodes, :2], axis=0), axis=1)
-        self._steps = walked + config.broken_edge * broken
-        self._middles = np.array([_middle(submap) for submap in submaps])
-        self._graph = odometry
-        self._inverse: tuple[Factor, Array] | None = None  # of the graph, until it is optimised anew
-        self._relative: dict[int, Array] = {}  # covariances by submap, as long
+        self._steps = walked + self.config.broken_edge * broken
+        points = [submap.points.points for submap in self.submaps]
+        self._middles = np.array([p.mean(axis=0) if len(p) else np.zeros(2) for p in points])
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget what was computed before a submap came or a judgement changed."""
+        self._inverse: tuple[Any, Array] | None = None  # factor of the graph and its blocks
+        self._relative: dict[int, Array] = {}  # covariances by submap
+        self._distances: dict[int, Array] = {}  # by submap
+
+    def add(self, submap: Submap, step: PoseGraph | None) -> None:
+        """The next submap of a drive whose graph has a node for each; ``step`` is a graph of the last submap
+        and this one, None where this is the first."""
+        last = len(self.submaps) - 1
+        self.submaps = [*self.submaps, submap]
+        self.nodes = np.arange(len(self.submaps))
+        odometry = replace(self._odometry, poses=np.concatenate([self._odometry.poses, submap.anchor[None]]))
+        if step is not None:
+            odometry = odometry.with_edges(
+                step.edges + last, step.T_ij, step.information, heavy_tailed=step.heavy_tailed
+            )
+            steps = (odometry.world_steps, replace(step.world_steps, edges=step.world_steps.edges + last))
+            columns = zip(*(vars(part).values() for part in steps), strict=True)
+            odometry = replace(odometry, world_steps=WorldSteps(*map(np.concatenate, columns)))
+        self._start_from(odometry)
+
+    @property
+    def starts(self) -> list[int]:
+        """The scan that each submap begins with."""
+        return [submap.start for submap in self.submaps]
 
     @property
     def anchors(self) -> Array:
@@ -145,30 +164,43 @@ class SubmapGraph:
         """Place the submaps anew and judge the stitches."""
         graph = replace(self.graph(), poses=self.poses)
         solution = optimise_robustly(graph, self.config, self._all_weights())
-        self.poses, self.weights, self._inverse = solution.poses, solution.weights, None
+        self.poses, self.weights = solution.poses, solution.weights
+        self._forget()
+
+    def trust_last(self) -> None:
+        """Trust the stitch found last."""
+        self.weights = np.append(self.weights, 1.0)
+        self._forget()
+
+    def trusted(self) -> dict[tuple[int, int], Stitch]:
+        """The stitches the map rests on, once all were judged."""
+        return {pair: r for (pair, r), w in zip(self.stitches(), self.weights, strict=True) if w > 0.5}
 
     def distances(self, b: int) -> Array:
         """Metres ``(K,)`` from submap b to every submap along the drive and over the loops that are
         trusted."""
-        k = len(self.submaps)
-        lengths = dict(zip(pairwise(range(k)), np.maximum(self._steps, 1e-6).tolist(), strict=True))
-        for (pair, _), weight in zip(self.stitches(), self.weights, strict=False):
-            if weight > 0.5:
-                lengths[pair] = min(self.config.trusted_edge, lengths.get(pair, np.inf))
-        rows, columns = zip(*lengths, strict=True)
-        edges = coo_array((list(lengths.values()), (rows, columns)), shape=(k, k))
-        return dijkstra(edges.tocsr(), directed=False, indices=b)
+        if b not in self._distances:
+            k = len(self.submaps)
+            lengths = dict(zip(pairwise(range(k)), np.maximum(self._steps, 1e-6).tolist(), strict=True))
+            for (pair, _), weight in zip(self.stitches(), self.weights, strict=False):
+                if weight > 0.5:
+                    lengths[pair] = min(self.config.trusted_edge, lengths.get(pair, np.inf))
+            rows, columns = np.array(list(lengths), dtype=np.int64).reshape(-1, 2).T
+            edges = coo_array((list(lengths.values()), (rows, columns)), shape=(k, k))
+            self._distances[b] = dijkstra(edges.tocsr(), directed=False, indices=b)
+        return self._distances[b]
 
     def relative_covariances(self, b: int) -> Array:
         """Covariances ``(b, 3, 3)`` of submap b as seen from each earlier one, in b's tangent."""
+        from slam.graph.gauss_newton import factor_of, relative_covariance
+
         if self._inverse is None:
-            trusted = self.graph().with_only(self._all_weights() > 0.5)
-            factor, _ = Problem.of(trusted).factor(self.poses, np.ones(len(trusted.edges)))
-            self._inverse, self._relative = (factor, factor.inverse_blocks()), {}
+            factor = factor_of(self.graph().with_only(self._all_weights() > 0.5), self.poses)
+            self._inverse = (factor, factor.inverse_blocks())
         if b not in self._relative:
-            nodes = self.nodes
-            relative = relative_covariance(*self._inverse, self.poses, nodes[:b], int(nodes[b]))
-            self._relative[b] = relative
+            factor, blocks = self._inverse
+            seen_from, node = self.nodes[:b], int(self.nodes[b])
+            self._relative[b] = relative_covariance(factor, blocks, self.poses, seen_from, node)
         return self._relative[b]
 
     def reach(self, b: int) -> Array:
@@ -220,6 +252,8 @@ def optimise_robustly(graph: PoseGraph, config: LoopConfig, weights: Array | Non
 
     ``weights (L,)``: those the loops had until now, from which graduated non-convexity may start.
     """
+    from slam.graph.gauss_newton import solve_gnc
+
     if config.back_end == "gnc" or not np.any(graph.loop):
         return solve_gnc(graph, weights, config.gnc)
     return optimise(graph, "none")
@@ -245,9 +279,3 @@ def with_weights(candidates: Sequence[LoopCandidate], weights: Array) -> tuple[L
     return tuple(
         replace(c, weight=float(next(left))) if isinstance(c.result, Stitch) else c for c in candidates
     )
-
-
-def _middle(submap: Submap) -> Array:
-    """Middle ``(2,)`` of a submap's points; its anchor where it has none."""
-    points = submap.points.points
-    return points.mean(axis=0) if len(points) else np.zeros(2)

@@ -1,1 +1,1 @@
-"""What others do: the aligners of the literature, one file each."""
+"""What others do: the aligners of the literature."""

@@ -1,14 +1,12 @@
 """OpenCV features on the grids as pictures: what ROS users merge maps with today.
 
-As multirobot_map_merge does it: the detector's defaults, the nearest descriptor where it is clearly nearer
-than the second, one transform for as many matches as possible, and no answer when too few agree. To the
-features' advantage two things differ: the transform is rigid from the start, as grids of known resolution
-have no scale, and fewer matches need to agree.
+As in multirobot_map_merge: the detector's defaults, the nearest descriptor where clearly nearer than the
+second, one transform for as many matches as possible. In the features' favour it is rigid from the start, and
+fewer matches need to agree.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,15 +18,7 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.published.pair import near, pair, redraw
-
-
-@dataclass(frozen=True)
-class Matches:
-    """Points ``a (n, 2)`` and ``b (n, 2)`` m whose descriptors are alike, most alike first."""
-
-    a: Array
-    b: Array
+from stitch.published.spectra import Pair, near, redraw
 
 
 def align_features(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -> Stitch | NoStitch:
@@ -36,14 +26,11 @@ def align_features(a: Submap, b: Submap, prior: Prior | None, config: AlignConfi
 
     There is no answer when too few of the matches agree or the prior excludes what was found.
     """
-    maps = pair(a, b, config)
-    if isinstance(maps, NoStitch):
-        return maps
-    matches = match_features(a.grid, b.grid, config)
-    count, method = len(matches.a), config.method
+    points_a, points_b = match_features(a.grid, b.grid, config)
+    count, method = len(points_a), config.method
     if count < 2:
         return NoStitch(f"{method}: {count} matching features, expected at least 2")
-    fitted = fit_rigid(matches, config)
+    fitted = fit_rigid(points_a, points_b, config)
     if fitted is None:
         return NoStitch(f"{method}: no two of {count} matching features are as far apart in both")
     T_a_b, agreeing = fitted
@@ -54,17 +41,18 @@ def align_features(a: Submap, b: Submap, prior: Prior | None, config: AlignConfi
         return NoStitch(reason, best)
     if not near([best], prior, config):
         return NoStitch(f"{method}: the alignment is not near the prior", best)
-    return maps.stitch(best, [])
+    return Pair(a, b, config).stitch(best, [])
 
 
-def match_features(grid_a: Grid, grid_b: Grid, config: AlignConfig) -> Matches:
-    """Features of both grids, drawn at ``config.resolution``, that match as seen from one of them."""
+def match_features(grid_a: Grid, grid_b: Grid, config: AlignConfig) -> tuple[Array, Array]:
+    """Points ``(n, 2)`` m of either grid, drawn at ``config.resolution``, whose features match as seen from
+    one of them, the most alike first."""
     import cv2
 
     points_a, descriptors_a = _features(grid_a, config)
     points_b, descriptors_b = _features(grid_b, config)
     if len(points_a) < 2 or len(points_b) < 2:
-        return Matches(np.zeros((0, 2)), np.zeros((0, 2)))
+        return np.zeros((0, 2)), np.zeros((0, 2))
     matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
     distance: dict[tuple[int, int], float] = {}
     for query, train, order in ((descriptors_a, descriptors_b, 1), (descriptors_b, descriptors_a, -1)):
@@ -74,7 +62,7 @@ def match_features(grid_a: Grid, grid_b: Grid, config: AlignConfig) -> Matches:
                 distance[row_a, row_b] = first.distance
     chosen = sorted(distance, key=lambda rows: (distance[rows], rows))[: config.features.max_matches]
     rows = np.array(chosen, dtype=int).reshape(-1, 2)
-    return Matches(points_a[rows[:, 0]], points_b[rows[:, 1]])
+    return points_a[rows[:, 0]], points_b[rows[:, 1]]
 
 
 def _features(grid: Grid, config: AlignConfig) -> tuple[Array, Any]:
@@ -99,32 +87,33 @@ def _features(grid: Grid, config: AlignConfig) -> tuple[Array, Any]:
     return (cells.first + pixels - margin) * config.resolution, descriptors
 
 
-def fit_rigid(matches: Matches, config: AlignConfig) -> tuple[Array, int] | None:
-    """Pose ``(3,)`` of b in a that most matches agree with, and how many do; None when no two will do.
+def fit_rigid(a: Array, b: Array, config: AlignConfig) -> tuple[Array, int] | None:
+    """Pose ``(3,)`` of b in a that most matches ``a (n, 2)``, ``b (n, 2)``, the most alike first, agree with,
+    and how many do; None when no two will do.
 
     Every two of the most alike that are as far apart in b as in a, and far enough, propose a pose: nothing is
     drawn at random. The best is fitted to all that agree, again as long as their number grows.
     """
     reach, min_arm = config.features.reach * config.resolution, config.features.min_arm * config.resolution
-    first, second = np.triu_indices(min(len(matches.a), config.features.proposers), 1)
-    arm_a, arm_b = matches.a[second] - matches.a[first], matches.b[second] - matches.b[first]
+    first, second = np.triu_indices(min(len(a), config.features.proposers), 1)
+    arm_a, arm_b = a[second] - a[first], b[second] - b[first]
     length_a, length_b = (np.hypot(arm[:, 0], arm[:, 1]) for arm in (arm_a, arm_b))
     use = (np.abs(length_a - length_b) <= reach) & (np.minimum(length_a, length_b) >= min_arm)
     if not use.any():
         return None
     yaw = np.arctan2(arm_a[use, 1], arm_a[use, 0]) - np.arctan2(arm_b[use, 1], arm_b[use, 0])
-    middle_a = 0.5 * (matches.a[first] + matches.a[second])[use]
-    middle_b = 0.5 * (matches.b[first] + matches.b[second])[use]
+    middle_a = 0.5 * (a[first] + a[second])[use]
+    middle_b = 0.5 * (b[first] + b[second])[use]
     t = middle_a - np.einsum("kij,kj->ki", se2.rotation(yaw), middle_b)
     poses = np.column_stack([t, yaw])
     counts = np.concatenate(
-        [_agree(matches, part, reach).sum(axis=1) for part in np.array_split(poses, 1 + len(poses) // 1000)]
+        [_agree(a, b, part, reach).sum(axis=1) for part in np.array_split(poses, 1 + len(poses) // 1000)]
     )
     T_a_b, count = poses[int(np.argmax(counts))], int(counts.max())
     while True:
-        agree = _agree(matches, T_a_b[None], reach)[0]
-        refitted = se2.fit_rigid(matches.b[agree], matches.a[agree])
-        grown = int(_agree(matches, refitted[None], reach).sum())
+        agree = _agree(a, b, T_a_b[None], reach)[0]
+        refitted = se2.fit_rigid(b[agree], a[agree])
+        grown = int(_agree(a, b, refitted[None], reach).sum())
         if grown < count:
             return se2.compose(np.zeros(3), T_a_b), count
         T_a_b = refitted
@@ -133,9 +122,9 @@ def fit_rigid(matches: Matches, config: AlignConfig) -> tuple[Array, int] | None
         count = grown
 
 
-def _agree(matches: Matches, T_a_b: Array, reach: float) -> np.ndarray:
+def _agree(points_a: Array, points_b: Array, T_a_b: Array, reach: float) -> np.ndarray:
     """Which matches ``(K, n)`` agree with poses ``(K, 3)``."""
     # as complex numbers: several times quicker than matrices two by two
-    a, b = (points[:, 0] + 1j * points[:, 1] for points in (matches.a, matches.b))
+    a, b = (points[:, 0] + 1j * points[:, 1] for points in (points_a, points_b))
     missed = np.exp(1j * T_a_b[:, 2:]) * b + (T_a_b[:, :1] + 1j * T_a_b[:, 1:2]) - a
     return missed.real**2 + missed.imag**2 <= reach**2

@@ -16,7 +16,7 @@ from slam.cli import InputError
 from slam.recording import Laser, Odometry, Recording
 from slam.se2 import Array
 from stitch.mapping import Estimate, NoEstimate, map_recording
-from stitch.mapping.rejection import rejection_reason
+from stitch.mapping.estimate import rejection_reason
 
 ANGLES = np.radians(np.linspace(-110.0, 110.0, 111))
 LASER = Laser(range_max=8.0)

@@ -17,8 +17,7 @@ from stitch.align import AlignConfig
 from stitch.alignment.config import Acceptance, PriorConfig, RefinementConfig
 from stitch.alignment.joint import search
 from stitch.alignment.raster import walls_of
-from stitch.published.htms import dominant_direction
-from stitch.published.pair import pair
+from stitch.published.spectra import Pair, dominant_direction
 
 CORRELATION = AlignConfig(refinement=RefinementConfig(enabled=False))
 ANYTHING = Acceptance(
@@ -288,8 +287,7 @@ def test_htms_takes_the_smallest_rotation_of_four(plan: dict[str, Any]) -> None:
 
 def test_the_dominant_direction_is_that_of_the_walls(near: tuple[Submap, Submap, np.ndarray]) -> None:
     """htms correlates along it: the building's axes, in the frame of the map."""
-    maps = pair(near[0], near[1], HTMS)
-    assert not isinstance(maps, NoStitch)
+    maps = Pair(near[0], near[1], HTMS)
     direction = dominant_direction(maps.spectra(180, split=False)[0])
     off = np.sin(2.0 * (direction + near[0].anchor[2]))
     assert off == pytest.approx(0.0, abs=0.03)

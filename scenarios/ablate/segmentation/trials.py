@@ -183,8 +183,8 @@ def map_with_cuts(drive: LabelledDrive, lost: np.ndarray, config: MappingConfig)
     recording, scans = drive.recording, drive.scans
     spliced = splice_dead_reckoning(recording, drive.track, lost)
     stitch, reckoning = partial(align, config=config.loops.align), DeadReckoning(recording)
-    closed = close_drive(reckoning, scans, spliced, segments_from(spliced, lost), config, stitch)
-    if closed is None:
+    drive_closed = close_drive(reckoning, scans, spliced, segments_from(spliced, lost), config, stitch)
+    if drive_closed is None:
         return spliced.poses
     matched = spliced.verdict != Verdict.FELL_BACK
-    return adjust_all_scans(reckoning, scans, closed.poses, matched, config.bundle)[0]
+    return adjust_all_scans(reckoning, scans, drive_closed[2], matched, config.bundle)[0]

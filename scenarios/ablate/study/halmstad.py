@@ -221,7 +221,7 @@ def comparison_image(folder: Path, placed: Sequence[tuple[PiecesResult, Array | 
     from matplotlib.image import imread
 
     from scenarios.report.style import png
-    from stitch.command.picture import draw
+    from stitch.command.merge import draw
 
     grids = [piece.grid for piece in read_pieces(folder)]
     pictures = [("Formsma's own", (folder / "full.png").read_bytes())]

@@ -93,7 +93,7 @@ def test_an_ins_gives_its_yaw_to_the_edges_and_its_position_to_the_world(hand_ma
 def test_wheels_have_no_world_frame(hand_made: HandMade) -> None:
     recording = reckoned("odometry")
     graph = odometry_graph(DeadReckoning(recording), tracked(hand_made, Verdict.MATCHED), ROWS)
-    assert graph.world_steps is None
+    assert len(graph.world_steps) == 0
     expected: Array = np.zeros((3, 3))
     for k in range(4):
         step = se2.between(recording.dead_reckoning[k], recording.dead_reckoning[k + 1])
@@ -201,7 +201,7 @@ def test_a_single_row(hand_made: HandMade) -> None:
 def test_without_dead_reckoning_a_weak_tie_to_the_poses_holds_the_graph_together() -> None:
     recording, poses = reckoned("none", np.zeros((N, 3))), drive()
     graph = dead_reckoning_graph(DeadReckoning(recording), poses, ROWS)
-    assert graph.world_steps is None
+    assert len(graph.world_steps) == 0
     np.testing.assert_allclose(graph.T_ij, se2.between(poses[ROWS[:-1]], poses[ROWS[1:]]))
     sigma = np.sqrt(1.0 / graph.information[:, 0, 0])
     seconds = np.diff(recording.time[ROWS])

@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import chi2
 
 from slam import se2
-from slam.graph.marginals import marginals
-from slam.graph.pose_graph import GncConfig, PoseGraph, WorldSteps, chi_squared, informations, optimise
+from slam.graph.gauss_newton import chi_squared, marginals
+from slam.graph.pose_graph import GncConfig, PoseGraph, WorldSteps, informations, optimise
 from slam.se2 import Array
 
 Rms = Callable[[Array, Array], float]

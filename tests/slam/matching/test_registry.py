@@ -13,7 +13,7 @@ from scenarios.run import with_matcher
 from slam import se2
 from slam.cli import InputError
 from slam.matching import MATCHERS, LocalMap, Match, NoMatch, Reference, match
-from slam.matching.registry import register
+from slam.matching.match import register
 from slam.recording import Laser
 from slam.scan import Scan
 from slam.se2 import Array

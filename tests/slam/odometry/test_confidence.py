@@ -33,9 +33,7 @@ def found(
 ) -> Match:
     """What a matcher answered."""
     eigenvalues = np.array([weakest, 2e4, 3e4])
-    return Match(
-        np.zeros(3), covariance, np.eye(3), matches, rms, p90, misfit, iterations, True, eigenvalues, 1
-    )
+    return Match(np.zeros(3), covariance, np.eye(3), matches, eigenvalues, rms, p90, misfit, iterations)
 
 
 BAD = found(P, 8, 5.0, 0.4, 6.0, 60, 3.0)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from slam import se2
-from slam.matching import match
+from slam.matching import Reference, match
 from stitch import Prior
 from stitch.align import AlignConfig
-from stitch.alignment.joint import SubmapReference, paired_half_turns, rotations
+from stitch.alignment.joint import LATTICE_CELL, LATTICE_SIDE, paired_half_turns, rotations
 
 
 def test_a_submaps_lattice_finds_the_same_as_a_scans(plan: dict[str, Any]) -> None:
@@ -22,7 +22,7 @@ def test_a_submaps_lattice_finds_the_same_as_a_scans(plan: dict[str, Any]) -> No
     reference, guess = plan["scan_of"](points), np.array([0.05, -0.03, 0.001])
     found, expected = (
         match(of, some, guess, "icp", config=AlignConfig().refinement.matcher)
-        for of in (SubmapReference(reference), reference)
+        for of in (Reference(reference, LATTICE_CELL, LATTICE_SIDE), reference)
     )
     np.testing.assert_array_equal(found.T_reference_scan, expected.T_reference_scan)
     np.testing.assert_array_equal(found.covariance, expected.covariance)

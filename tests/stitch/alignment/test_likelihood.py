@@ -16,26 +16,24 @@ from stitch.alignment.joint import AlignmentProblem
 from stitch.alignment.likelihood import (
     BIAS,
     DISTANCES,
-    GAPS,
-    PRIOR_BONUS,
-    WEIGHTS,
-    FreeSpaceMap,
-    OverlapCounts,
-    count_overlap,
-    overlap_log_odds,
-)
-from stitch.alignment.likelihood_kernels import (
     FACING,
     GAP_CLEARANCE,
     GAP_COSINE,
     GAP_OFFSET,
+    GAPS,
     MAX_GAP,
     MIN_NORMAL,
     MISSED,
+    PRIOR_BONUS,
+    WEIGHTS,
+    FreeSpaceMap,
+    OverlapCounts,
     WallLookup,
     classify_points,
     count_gap_points,
+    count_overlap,
     nearest_points,
+    overlap_log_odds,
 )
 from stitch.alignment.raster import Walls, walls_of
 from stitch.alignment.result import Prior

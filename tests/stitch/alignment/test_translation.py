@@ -11,13 +11,13 @@ from scipy.fft import rfft2
 from slam import se2
 from slam.mapping.occupancy import Grid
 from stitch.alignment.raster import Raster, rasterise
-from stitch.alignment.raster_kernels import multiply_spectra
 from stitch.alignment.translation import (
     LINE,
     Spectra,
     best_shifts,
     by_spectra,
     correlate,
+    multiply_spectra,
     padded_shape,
     spectra,
     transform_shape,

@@ -19,10 +19,9 @@ import pytest
 
 from slam import se2
 from slam.formats import ros_map
-from slam.mapping.occupancy import Grid, draw
+from slam.mapping.occupancy import Grid, dilated, draw
 from slam.recording import Laser
 from slam.se2 import Array
-from stitch.alignment.raster import dilated
 
 Plan = dict[str, Callable[..., Any]]
 CHECKOUT = Path(__file__).resolve().parents[3]

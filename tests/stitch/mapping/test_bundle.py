@@ -189,7 +189,7 @@ def test_the_pairs_of_the_last_round_become_edges(room: Array, record: Record, s
     off = se2.log(se2.between(true_steps, graph.T_ij[n:]))
     assert np.median(np.abs(off), axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=0.005)
     assert np.all(np.linalg.eigvalsh(graph.information) >= -1e-6)
-    assert (graph.world_steps is not None) == (source == "ins")
+    assert (len(graph.world_steps) > 0) == (source == "ins")
 
 
 def test_pairs_carry_the_information_of_a_match_less_what_neighbouring_points_share(

@@ -10,12 +10,13 @@ from slam import se2
 from slam.matching import Reference
 from slam.scan import Scan
 from slam.se2 import Array
-from stitch.mapping.bundle import BundleConfig
+from stitch.mapping.bundle import BundleConfig, match_keyframe, partners
 from stitch.mapping.config import OnlineConfig
-from stitch.mapping.pairing import match_pairs, partners
 
 Look = Callable[..., Scan]
 FEW = BundleConfig(neighbours=4, per_pass=2, reach=1.0)
+ONLINE = OnlineConfig()
+CONFIG, LIMIT = BundleConfig(radii=ONLINE.radii), (ONLINE.max_shift, ONLINE.max_turn)
 
 
 def test_partners_are_earlier_near_allowed_and_of_several_passes() -> None:
@@ -33,19 +34,18 @@ def test_matches_find_the_true_relative_poses(room: Array, look: Look) -> None:
     at = np.array([[2.0, 3.2, 0.0], [2.3, 3.2, 0.1], [2.6, 3.3, 0.0]])
     scans = [Reference(look(room, pose, np.random.default_rng(k))) for k, pose in enumerate(at)]
     true = se2.between(at[:2], at[2])
-    found = match_pairs(
-        scans[:2], scans[2], true + np.array([0.05, -0.05, 0.03]), np.array([7, 8]), BundleConfig()
-    )
-    np.testing.assert_array_equal(found.partners, [7, 8])
-    np.testing.assert_allclose(found.T_ij, true, atol=0.01)
-    assert np.all(np.linalg.eigvalsh(found.information)[:, 0] > 0.0)
+    guesses = true + np.array([0.05, -0.05, 0.03])
+    known, T_ij, information = match_keyframe(scans[:2], scans[2], guesses, CONFIG, LIMIT)
+    assert known.tolist() == [True, True]
+    np.testing.assert_allclose(T_ij, true, atol=0.01)
+    assert np.all(np.linalg.eigvalsh(information)[:, 0] > 0.0)
 
 
 def test_a_match_far_from_its_guess_and_one_that_sees_nothing_are_left_out(room: Array, look: Look) -> None:
     seen = Reference(look(room, np.array([2.0, 3.2, 0.0])))
     blind = Reference(seen.scan.selected(np.zeros(len(seen), dtype=bool)))
     guesses = np.zeros((2, 3))
-    found = match_pairs([blind, seen], seen, guesses, np.array([0, 1]), BundleConfig())
-    np.testing.assert_array_equal(found.partners, [1])
-    off = np.array([[0.8 * OnlineConfig().max_shift, 0.6 * OnlineConfig().max_shift, np.radians(8.0)]])
-    assert len(match_pairs([seen], seen, off, np.array([0]), BundleConfig()).partners) == 0
+    known, T_ij, _ = match_keyframe([blind, seen], seen, guesses, CONFIG, LIMIT)
+    assert (known.tolist(), len(T_ij)) == ([False, True], 1)
+    off = np.array([[0.8 * LIMIT[0], 0.6 * LIMIT[0], np.radians(8.0)]])
+    assert not match_keyframe([seen], seen, off, CONFIG, LIMIT)[0].any()
