@@ -23,7 +23,8 @@ from stitch.alignment.config import AlignConfig
 from stitch.alignment.hough import cross_correlation
 from stitch.alignment.result import Alternative
 from stitch.alignment.translation import correlation_along, profile
-from stitch.published.spectra import DIRECTIONS, Pair, dominant_direction, four_hypotheses
+from stitch.published.htms import DIRECTIONS, dominant_direction, four_hypotheses
+from stitch.published.pair import Pair
 
 PIXEL = 0.05
 """Side of a drawn cell [m]."""

@@ -28,7 +28,7 @@ from stitch.alignment.raster import rasterise
 from stitch.alignment.result import Stitch
 from stitch.alignment.translation import correlate, correlation_along, padded_shape, profile, spectra
 from stitch.mapping.estimate import Estimate, LoopCandidate
-from stitch.published.spectra import DIRECTIONS, dominant_direction
+from stitch.published.htms import DIRECTIONS, dominant_direction
 
 RESOLUTION = 0.1
 """Side of the cells [m] that walls are counted in."""

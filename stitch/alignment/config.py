@@ -13,9 +13,9 @@ from slam.matching import MatchConfig
 
 METHODS: dict[str, str | Callable[..., Any]] = {
     "joint": "stitch.alignment.joint:align_joint",
-    "htms": "stitch.published.spectra:align_htms",
-    "carpin": "stitch.published.spectra:align_carpin",
-    "censi": "stitch.published.spectra:align_censi",
+    "htms": "stitch.published.htms:align_htms",
+    "carpin": "stitch.published.carpin:align_carpin",
+    "censi": "stitch.published.censi:align_censi",
     "akaze": "stitch.published.features:align_features",
     "orb": "stitch.published.features:align_features",
 }

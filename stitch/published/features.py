@@ -18,7 +18,8 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.alignment.config import AlignConfig
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
-from stitch.published.spectra import Pair, near, redraw
+from stitch.published.carpin import redraw
+from stitch.published.pair import Pair, near
 
 
 def align_features(a: Submap, b: Submap, prior: Prior | None, config: AlignConfig) -> Stitch | NoStitch:

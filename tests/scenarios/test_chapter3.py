@@ -20,7 +20,7 @@ from stitch import NoStitch, Prior, Stitch, align
 from stitch.alignment import hough
 from stitch.alignment.hough import cross_correlation, hypotheses
 from stitch.alignment.translation import by_spectra, profile
-from stitch.published.spectra import DIRECTIONS, dominant_direction, four_hypotheses
+from stitch.published.htms import DIRECTIONS, dominant_direction, four_hypotheses
 
 
 def spectrum(points: np.ndarray) -> np.ndarray:

@@ -17,7 +17,8 @@ from stitch.align import AlignConfig
 from stitch.alignment.config import Acceptance, PriorConfig, RefinementConfig
 from stitch.alignment.joint import search
 from stitch.alignment.raster import walls_of
-from stitch.published.spectra import Pair, dominant_direction
+from stitch.published.htms import dominant_direction
+from stitch.published.pair import Pair
 
 CORRELATION = AlignConfig(refinement=RefinementConfig(enabled=False))
 ANYTHING = Acceptance(

@@ -17,8 +17,11 @@ from stitch.alignment.config import DirectionConfig, FeatureConfig
 from stitch.alignment.hough import common_directions, reason_against_directions
 from stitch.alignment.raster import Raster
 from stitch.alignment.translation import lags
+from stitch.published.carpin import acceptance_index, redraw
+from stitch.published.censi import solutions
 from stitch.published.features import fit_rigid
-from stitch.published.spectra import Pair, acceptance_index, four_hypotheses, redraw, solutions
+from stitch.published.htms import four_hypotheses
+from stitch.published.pair import Pair
 
 OLD = [method for method in METHODS if method != "joint"]
 PLACES = np.array([[12.0, 10.5, 0.7], [18.0, 9.0, -2.0]])
