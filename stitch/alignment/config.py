@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from slam.matching import MatchConfig
+from slam.matching.registry import register
 
 if TYPE_CHECKING:
     from slam.mapping.submap import Submap
@@ -182,7 +183,7 @@ class ClimbConfig(Checked):
 
 @dataclass(frozen=True)
 class RefinementConfig(Checked):
-    """The scan matcher after the climb."""
+    """The scan matcher after the climb. Raises ``ValueError`` for an unknown one."""
 
     POSITIVE = ("max_correction",)
 
@@ -198,6 +199,10 @@ class RefinementConfig(Checked):
         default_factory=lambda: MatchConfig(levels=((0.3, 1), (0.2, 1)), least_pairs=30, search_shift=0.0)
     )
     """The matcher's own settings."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        register(self.method)
 
 
 @dataclass(frozen=True)
