@@ -78,7 +78,7 @@ class SegmentationConfig:
 def lost_steps(track: Track, config: SegmentationConfig = SegmentationConfig()) -> np.ndarray:
     """Scans ``(N,)`` bool at which the rule says that confidence is lost.
 
-    Raises ``ValueError`` for an unknown measure.
+    Raises ``ValueError`` for a measure that the track has not.
     """
     if config.measure not in track.confidence:
         raise ValueError(f"measure: expected one of {sorted(track.confidence)}, got {config.measure!r}")
