@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 import sys
@@ -296,11 +295,10 @@ def show(result: Run, form: str, folder: Path) -> None:
 
 def print_settings(options: Options) -> None:
     """Every setting: its key, its value, and what it means."""
-    from scenarios.jsonable import jsonable
-    from slam.settings import describe
+    from slam.settings import describe, to_words
 
     for key, value, meaning in describe(configure(options)):
-        print(f"--{key} {json.dumps(jsonable(value, words=True))}\n    {meaning}")
+        print(f"--{key} {' '.join(to_words(value))}\n    {meaning}")
 
 
 def print_catalogue() -> None:

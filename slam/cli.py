@@ -92,7 +92,8 @@ def _not_understood(word: str, options: type) -> str:
     if not word.startswith("-"):
         return f"unexpected argument {word!r}"
     hints = get_type_hints(options, include_extras=True)
-    named = (f.name for f in fields(options) if tyro.conf.Positional not in _metadata(hints[f.name]))
+    unnamed = {tyro.conf.Positional, tyro.conf.Suppress}
+    named = (f.name for f in fields(options) if not unnamed & set(_metadata(hints[f.name])))
     flag = word.split("=")[0]
     return f"unknown option {flag!r}: {nearest(flag, ['--help', *map(_flag, named)])}"
 

@@ -30,8 +30,10 @@ def read_settings(path: Path, defaults: Tree, under: str = "") -> Tree:
         raise InputError(f"{path}: not JSON ({error})") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected an object of settings, got {type(content).__name__}")
+    if not isinstance(part := content.get(under, content), dict):
+        raise InputError(f"{path}: {under}: expected an object of settings, got {type(part).__name__}")
     try:
-        return merge(defaults, content[under] if under and under in content else content)
+        return merge(defaults, part)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -56,46 +58,49 @@ def merge(defaults: Tree, values: object, key: str = "") -> Tree:
     try:
         return replace(defaults, **changed)  # type: ignore[type-var]
     except ValueError as error:
-        raise ValueError(f"{key}: {error}".lstrip(": ")) from error
+        named = str(error).partition(":")[0] in hints  # the data class's own check names the field
+        raise ValueError(f"{key}{'.' if named else ': '}{error}".lstrip(".: ")) from error
 
 
 def set_by_words(defaults: Tree, settings: Mapping[str, Sequence[str]]) -> Tree:
     """A tree with fields set as on the shell: dotted key → words. Raises `InputError` naming the key."""
-    tree = defaults
+    values: dict[str, Any] = {}
     for dotted, words in settings.items():
-        hint = _hint_of(defaults, dotted)
-        values: Any = [json_value(word) for word in words]
-        if get_origin(hint) is not tuple:
-            if len(values) != 1:
-                raise InputError(f"--{dotted}: expected one value, got {len(values)}")
-            values = values[0]
-        nested: Any = values
-        for name in reversed(dotted.split(".")):
-            nested = {name: nested}
-        try:
-            tree = merge(tree, nested)
-        except ValueError as error:
-            raise InputError(f"--{error}") from error
-    return tree
+        group, (*above, name) = values, dotted.split(".")
+        for part in above:
+            group = group.setdefault(part, {})
+        group[name] = _value_of(words, _hint_of(defaults, dotted), dotted)
+    try:
+        return merge(defaults, values)
+    except ValueError as error:
+        raise InputError(f"--{error}") from error
+
+
+def to_words(value: object) -> list[str]:
+    """A setting's value as words of the shell, which `set_by_words` reads back."""
+    if isinstance(value, tuple):
+        return [word for part in value for word in to_words(part)]
+    return [value if isinstance(value, str) else json.dumps(value).replace("Infinity", "inf")]
 
 
 def take_settings(words: Sequence[str], tree: object) -> tuple[dict[str, list[str]], list[str]]:
     """The words of a command line that set fields of ``tree`` (``--slam.loops.length 4``), by dotted key, and
     the other words. A key takes as many words as its type has numbers."""
-    roots = tuple(f"--{f.name}." for f in fields(tree))  # type: ignore[arg-type]
     settings: dict[str, list[str]] = {}
     others: list[str] = []
     rest = list(words)
     while rest:
         word = rest.pop(0)
-        if not word.startswith(roots):
+        key, equals, value = word.removeprefix("--").partition("=")
+        if not word.startswith("--") or "." not in key:
             others.append(word)
             continue
-        key, equals, value = word[2:].partition("=")
         key = key.replace("-", "_")
         taken = [value] if equals else []
         most = _words_of(_hint_of(tree, key))
-        while rest and len(taken) < most and (not taken or isinstance(json_value(rest[0]), float | int)):
+        if rest and not taken and not rest[0].startswith("--"):
+            taken.append(rest.pop(0))
+        while taken and rest and len(taken) < most and _is_number(rest[0]):
             taken.append(rest.pop(0))
         if not taken:
             raise InputError(f"--{key}: expected a value")
@@ -140,6 +145,8 @@ def convert(hint: Any, value: object, key: str) -> Any:
 
 def _convert_tuple(options: tuple[Any, ...], value: object, key: str) -> tuple[Any, ...]:
     values = list(value) if isinstance(value, list | tuple) else [value]
+    if not values:
+        raise ValueError(f"{key}: expected at least one value")
     if options[-1] is Ellipsis:
         if get_origin(options[0]) is tuple and values and not isinstance(values[0], list | tuple):
             size = len(get_args(options[0]))  # flat, as on the shell
@@ -156,6 +163,24 @@ def json_value(word: str) -> object:
         return json.loads(word)
     except ValueError:
         return None if word == "None" else {"True": True, "False": False}.get(word, word)
+
+
+def _value_of(words: Sequence[str], hint: Any, key: str) -> object:
+    """The words given for a field as JSON has them: a list for a tuple, which may be one word too."""
+    values = [json_value(word) for word in words]
+    if get_origin(hint) is tuple and not isinstance(values[0], list):
+        return values
+    if len(values) != 1:
+        raise InputError(f"--{key}: expected one value, got {len(values)}")
+    return values[0]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _words_of(hint: Any) -> int:

@@ -7,6 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+from slam.cli import nearest
+from slam.odometry.confidence import MEASURES
 from slam.odometry.track import Track, Verdict
 
 Rule = Literal["each_zero", "zero_run", "threshold"]
@@ -46,7 +48,10 @@ class Segment:
 
 @dataclass(frozen=True)
 class SegmentationConfig:
-    """Where a drive is cut. Raises ``ValueError`` for a release above the threshold."""
+    """Where a drive is cut.
+
+    Raises ``ValueError`` for an unknown measure, and for a release above the threshold.
+    """
 
     rule: Rule = "each_zero"
     """``each_zero`` cuts at every step without matches (Formsma's Experiment 1), ``zero_run`` only at ``run``
@@ -64,6 +69,8 @@ class SegmentationConfig:
     """Segments of fewer matched steps are discarded."""
 
     def __post_init__(self) -> None:
+        if self.measure not in MEASURES:
+            raise ValueError(f"measure: unknown {self.measure!r}, {nearest(self.measure, MEASURES)}")
         if self.release is not None and not self.release <= self.threshold:
             raise ValueError(f"release: expected at most the threshold {self.threshold}, got {self.release}")
 
@@ -71,7 +78,7 @@ class SegmentationConfig:
 def lost_steps(track: Track, config: SegmentationConfig = SegmentationConfig()) -> np.ndarray:
     """Scans ``(N,)`` bool at which the rule says that confidence is lost.
 
-    Raises ``ValueError`` for an unknown measure.
+    Raises ``ValueError`` for a measure that the track has not.
     """
     if config.measure not in track.confidence:
         raise ValueError(f"measure: expected one of {sorted(track.confidence)}, got {config.measure!r}")

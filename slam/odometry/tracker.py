@@ -11,6 +11,7 @@ import numpy as np
 from slam import se2
 from slam.matching import RAW_WSM, LocalMap, Match, MatchConfig, NoMatch, Reference, match
 from slam.matching.config import CovarianceMode, Method
+from slam.matching.registry import register
 from slam.measurements import Measurements
 from slam.odometry.calibration import Calibration, CalibrationConfig
 from slam.odometry.confidence import compute_measures
@@ -44,7 +45,7 @@ class LaserOnlyConfig:
 
 @dataclass(frozen=True)
 class FrontendConfig:
-    """The front end: tracking scan by scan."""
+    """The front end: tracking scan by scan. Raises ``ValueError`` for an unknown matcher."""
 
     scan: ScanConfig = field(default_factory=ScanConfig)
     """How surfaces and uncertainties are read off the ranges."""
@@ -61,7 +62,7 @@ class FrontendConfig:
     skip_distance: float = 0.0
     """A scan is skipped until the robot moved this far [m] on an axis …"""
     skip_angle: float = 0.0
-    """… or turned by this [rad]."""
+    """… or turned by this [rad]; where either is 0 none is skipped."""
     extend_distance: float = 0.25
     """A scan becomes a keyframe of the local map this far [m] from the last one …"""
     extend_angle: float = np.radians(8.0)
@@ -87,6 +88,9 @@ class FrontendConfig:
     """Noise of the dead reckoning."""
     laser_only: LaserOnlyConfig = field(default_factory=LaserOnlyConfig)
     """What changes without dead reckoning."""
+
+    def __post_init__(self) -> None:
+        register(self.method)
 
 
 MANIFOLD_SLAM = FrontendConfig(

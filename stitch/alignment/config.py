@@ -10,6 +10,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import numpy as np
 
 from slam.matching import MatchConfig
+from slam.matching.registry import register
 
 METHODS: dict[str, str | Callable[..., Any]] = {
     "joint": "stitch.alignment.joint:align_joint",
@@ -157,7 +158,7 @@ class ClimbConfig(Checked):
 
 @dataclass(frozen=True)
 class RefinementConfig(Checked):
-    """The scan matcher after the climb."""
+    """The scan matcher after the climb. Raises ``ValueError`` for an unknown one."""
 
     enabled: bool = True
     """False: the climb's answer stands."""
@@ -171,6 +172,10 @@ class RefinementConfig(Checked):
         default_factory=lambda: MatchConfig(levels=((0.3, 1), (0.2, 1)), least_pairs=30, search_shift=0.0)
     )
     """The matcher's own settings."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        register(self.method)
 
 
 @dataclass(frozen=True)

@@ -301,7 +301,7 @@ class OnlineMapper:
             for node in inside:
                 node.submap = owner
             return
-        drawn = np.array([node.row for node in inside if node.usable])
+        drawn = np.array([node.row for node in inside if node.usable] or [start])
         resolution = self.config.submaps.resolution
         submap = cut(self.measurements, self._scans, self.tracker.poses, start, stop, drawn, resolution)
         step = None

@@ -36,14 +36,14 @@ Command = Callable[..., Finished]
 
 def run_command(*words: object) -> Finished:
     """``python -m scenarios.run WORDS``."""
-    from scenarios.run import COMMAND, Options, run
+    from scenarios.run import COMMAND, Options, run, take
     from slam.cli import main
 
     stdout, stderr = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["run.py", *map(str, words)])
         with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
-            code = main(Options, COMMAND, run)
+            code = main(Options, COMMAND, run, take)
     return Finished(code, stdout.getvalue(), stderr.getvalue())
 
 

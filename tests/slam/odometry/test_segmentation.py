@@ -103,9 +103,11 @@ def test_all_lost(confident: Confident) -> None:
     assert pieces(confident([NAN, INF, INF]), least_steps=0) == [(0, 1)]
 
 
-def test_an_unknown_measure_is_named(confident: Confident) -> None:
-    with pytest.raises(ValueError, match=r"measure: expected one of \['det2', 'trace2'\], got 'volume'"):
-        segments(confident([NAN, 1]), SegmentationConfig(measure="volume"))
+def test_a_measure_that_is_unknown_or_was_not_taken_is_named(confident: Confident) -> None:
+    with pytest.raises(ValueError, match="measure: unknown 'trace', did you mean 'trace2'"):
+        SegmentationConfig(measure="trace")
+    with pytest.raises(ValueError, match=r"measure: expected one of \['det2', 'trace2'\], got 'tilt'"):
+        segments(confident([NAN, 1]), SegmentationConfig(measure="tilt"))
 
 
 @quick

@@ -256,6 +256,16 @@ def test_a_map_that_knows_it_is_lost_is_refused() -> None:
     assert "of the scans could be matched" in estimate.reason
 
 
+def test_where_no_match_is_believed_a_submap_is_drawn_of_its_first_scan() -> None:
+    config = MappingConfig()
+    config = replace(config, frontend=replace(config.frontend, max_variance=0.0))
+    found = replay_online(first(drive(), 40), config)
+    assert isinstance(found, Estimate)
+    assert found.submaps
+    assert all(submap.rows.tolist() == [submap.start] for submap in found.submaps[1:])
+    np.testing.assert_allclose(found.poses, first(drive(), 40).dead_reckoning, atol=0.05)
+
+
 def test_stamps_that_go_backwards_are_held() -> None:
     """Some logs' do; odometry's increments do not care."""
     recording = replace(first(drive(), 40), source="odometry")
