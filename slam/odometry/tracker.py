@@ -11,7 +11,7 @@ import numpy as np
 from slam import se2
 from slam.matching import RAW_WSM, LocalMap, Match, MatchConfig, NoMatch, Reference, match
 from slam.matching.config import CovarianceMode, Method
-from slam.matching.registry import register
+from slam.matching.match import register
 from slam.measurements import Measurements
 from slam.odometry.calibration import Calibration, CalibrationConfig
 from slam.odometry.confidence import compute_measures

@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import numpy as np
 
 from slam.matching import MatchConfig
-from slam.matching.registry import register
+from slam.matching.match import register
 
 METHODS: dict[str, str | Callable[..., Any]] = {
     "joint": "stitch.alignment.joint:align_joint",
