@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -25,6 +26,7 @@ else:
     Method = Literal[tuple(METHODS)]
 
 COMMAND = "stitch"
+IMAGE_SUFFIXES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 PRIOR_SIGMA = (1.0, 1.0, math.radians(10.0))
 
 
@@ -36,7 +38,7 @@ class Options:
     """
 
     maps: Positional[Annotated[tuple[Path, ...], arg(metavar="A.yaml B.yaml", help_behavior_hint="")]] = ()
-    """Maps as map_server reads them (pgm or png); their resolutions may differ."""
+    """Maps as map_server reads them; their resolutions may differ."""
     out: Annotated[Path | None, arg(aliases=["-o"], metavar="NAME", help_behavior_hint="")] = None
     """Write the merged map, in the frame of the first, to NAME.yaml and .pgm, and a picture to NAME.png."""
     prior: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
@@ -69,7 +71,7 @@ def check(options: Options) -> None:
     if count > 2 and not options.all:
         raise InputError(f"expected two maps, got {count}: with --all any number of them is joined")
     for path in options.maps:
-        if path.suffix.lower() in (".pgm", ".png"):
+        if path.suffix.lower() in IMAGE_SUFFIXES:
             raise InputError(f"{path}: is an image, expected the map's yaml")
     if options.prior_sigma and not options.prior:
         raise InputError("--prior-sigma is for a --prior: there is none")
@@ -92,12 +94,15 @@ def read(options: Options) -> list[Submap]:
     from stitch.command.maps import check_size, read_submap
 
     try:
-        submaps = [read_submap(path) for path in options.maps]
+        maps = [read_submap(path) for path in options.maps]
+        submaps = [submap for submap, _ in maps]
         check_size(submaps, config(options, submaps))
         if options.out:
             output.check_inputs(options.out, options.maps)
     except FormatError as error:
         raise InputError(str(error)) from error
+    for note in chain.from_iterable(notes for _, notes in maps):
+        print(f"{COMMAND}: {note}", file=sys.stderr)
     return submaps
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,20 +21,23 @@ MAX_SEARCH = 25_000_000
 BYTES_PER_SEARCH_CELL = 60
 
 
-def read_submap(path: Path) -> Submap:
-    """The map as a submap whose anchor is the image's lower left corner, in the map's frame.
+def read_submap(path: Path) -> tuple[Submap, tuple[str, ...]]:
+    """The map as a submap whose anchor is the image's lower left corner, in the map's frame; and what the
+    user should know of it, a line each.
 
-    Cells beyond those that are known are cut off. Raises `FormatError` for a map that cannot be read or has
-    hardly any wall.
+    Cells beyond those that are known are cut off. In a map without unknown cells, as a floor plan is, free
+    means not drawn: nothing there was seen, so it neither speaks against a wall nor for an overlap, and only
+    the walls are kept. Raises `FormatError` for a map that cannot be read or has hardly any wall.
     """
-    grid, T_map_anchor = ros_map.read_cells(path)
+    found = ros_map.read_map(path)
+    grid = found.grid if found.states_unknown else replace(found.grid, free=np.zeros_like(found.grid.free))
     walls = int(grid.occupied.sum())
     if walls < MIN_WALLS:
         height, width = grid.occupied.shape
         message = f"{walls} occupied of {width} x {height} cells, expected at least {MIN_WALLS} to align"
         raise FormatError(message, path)
     known = cropped(grid)
-    return Submap(0, 1, T_map_anchor, surfaces(known), known)
+    return Submap(0, 1, found.T_map_grid, surfaces(known), known), found.notes
 
 
 def check_size(submaps: Sequence[Submap], config: AlignConfig) -> None:
