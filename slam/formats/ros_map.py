@@ -2,8 +2,8 @@
 
 A pixel of shade p, the mean of its colours, means an occupancy of (255 - p)/255, or p/255 with ``negate``:
 above ``occupied_thresh`` occupied, below ``free_thresh`` free, between them unknown. In the mode ``raw`` p is
-the occupancy in per cent, and what is above 100 is unknown. What is not opaque is unknown. The image's top row
-is the map's largest y.
+the occupancy in per cent, and what is above 100 is unknown. What is not opaque is unknown. The image's top
+row is the map's largest y.
 
 map_saver writes three greys: black, 205 for unknown, white. nav2's own ``free_thresh`` of 0.25 lies on the
 wrong side of 205, so a picture of these greys is read as map_saver means it, whatever its thresholds are.
@@ -113,7 +113,9 @@ def read_map(path: str | PathLike[str]) -> RosMap:
     negate, T_map_grid = _flag(entries, "negate", path), _origin(entries, path)
     file, notes = _image(entries, path)
     occupied, free = _cells(map_image.read(file), mode, negate, thresholds)
-    grid = Grid(np.ascontiguousarray(occupied[::-1]), np.ascontiguousarray(free[::-1]), np.zeros(2), resolution)
+    grid = Grid(
+        np.ascontiguousarray(occupied[::-1]), np.ascontiguousarray(free[::-1]), np.zeros(2), resolution
+    )
     found = RosMap(grid, T_map_grid, file, tuple(notes))
     if found.states_unknown:
         return found

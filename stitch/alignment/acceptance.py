@@ -11,15 +11,12 @@ from typing import Any
 import numpy as np
 
 from slam.se2 import Array
-from stitch.alignment.verification import CandidateScores, SharedArea
+from stitch.alignment.verification import SHARED_CLASSES, CandidateScores, SharedArea
 
 NO_RIVAL = -20.0
-"""Least log-odds of a rival, and those of one that does not exist. This and the next two are part of what was
+"""Least log-odds of a rival, and those of one that does not exist. This and the next are part of what was
 learnt: not settings."""
 RIVALS = 3
-SHARED_CLASSES = 4
-"""A wall point is shared when its distance is in one of the first so many classes of
-`stitch.alignment.likelihood.DISTANCES`."""
 
 
 @dataclass(frozen=True)

@@ -219,6 +219,7 @@ class Acceptance(Checked):
     """What an alignment must show to be believed."""
 
     POSITIVE = ("slide",)
+    SHARES = ("equal_walls", "equal_conflict")
     LIMITS = ("min_lead", "max_ambiguity", "min_belief", "sliding", "close_lead")
 
     min_overlap: float = 4.0
@@ -230,6 +231,12 @@ class Acceptance(Checked):
     max_ambiguity: float = 0.5
     """Log-odds of the best other candidate, as a share of the best's: the better of two that would both do
     may just share more with the other map."""
+    equal_walls: float = 0.9
+    """Share of the best's walls that another candidate must bring together to fit as well, which is refused.
+    This and the next are from 160 drawn rooms, nearly square (seeds 1000–1159)."""
+    equal_conflict: float = 0.04
+    """So much of its walls may be in free space beyond those of the best: false answers have 0.02, right ones
+    0.06 or more."""
     min_belief: float = 0.0
     """Log-odds of being right, by `stitch.alignment.acceptance`."""
     slide: float = 0.4

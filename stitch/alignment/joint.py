@@ -30,7 +30,13 @@ from stitch.alignment.translation import (
     spectra,
     transform_shape,
 )
-from stitch.alignment.verification import CandidateScores, SharedArea, measure_shared_area, reason_against
+from stitch.alignment.verification import (
+    CandidateScores,
+    SharedArea,
+    fits_as_well,
+    measure_shared_area,
+    reason_against,
+)
 
 LATTICE_CELL, LATTICE_SIDE = 0.1, 512
 """Cells [m] of the lattice that finds a submap's points, and how many along a side; changes no result."""
@@ -273,12 +279,14 @@ def score_best(
     shifts = config.acceptance.slide * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
     left = field.agreement(T_a_b + shifts) - field.penalty / LINE * field.conflict(T_a_b + shifts)
     agreement = float(field.agreement(T_a_b[None])[0])
+    overlap, *rivals = (count_overlap(problem.a, problem.b, c.T_a_b) for c in candidates)
     scores = CandidateScores(
         log_odds=best.score,
         rivals=tuple(other.score for other in others),
         positional_distinctness=1.0 - float(left.max()) / max(agreement, 1e-9),
-        overlap=count_overlap(problem.a, problem.b, T_a_b),
+        overlap=overlap,
         prior_penalty=float(prior_penalty(prior, T_a_b, 1.0)),
         has_prior=prior is not None,
+        equals=sum(fits_as_well(rival, overlap, config.acceptance) for rival in rivals),
     )
     return shared, scores
