@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from slam.cli import POSE, InputError, Pose, RefusedError, main
-from stitch.alignment.config import METHODS, AlignConfig
+from stitch.alignment.config import METHODS
 
 if TYPE_CHECKING:
     from slam.mapping.submap import Submap
@@ -91,12 +91,12 @@ def read(options: Options) -> list[Submap]:
     """The maps as submaps. Raises `InputError`."""
     from slam.formats import FormatError
     from stitch.command import output
-    from stitch.command.maps import check_size, read_submap
+    from stitch.command.maps import check_size, read_submap, settings_for
 
     try:
         maps = [read_submap(path) for path in options.maps]
         submaps = [submap for submap, _ in maps]
-        check_size(submaps, config(options, submaps))
+        check_size(submaps, settings_for(submaps, options.method))
         if options.out:
             output.check_inputs(options.out, options.maps)
     except FormatError as error:
@@ -106,17 +106,6 @@ def read(options: Options) -> list[Submap]:
     return submaps
 
 
-def config(options: Options, submaps: list[Submap]) -> AlignConfig:
-    """The settings of the method; a raster is never finer than the maps are."""
-    coarsest = max(submap.grid.resolution for submap in submaps)
-    default = AlignConfig()
-    return AlignConfig(
-        method=options.method,
-        resolution=max(default.resolution, coarsest),
-        search=replace(default.search, resolution=max(default.search.resolution, coarsest)),
-    )
-
-
 def join_two(options: Options, a: Submap, b: Submap) -> None:
     """Stitch b to a. Raises `RefusedError` where that is not sure."""
     import numpy as np
@@ -124,9 +113,10 @@ def join_two(options: Options, a: Submap, b: Submap) -> None:
     from stitch.align import NoStitch, Stitch, align
     from stitch.command.answer import as_json, as_text, in_words
     from stitch.command.frames import between_maps
+    from stitch.command.maps import settings_for
 
     name_a, name_b = map(str, options.maps)
-    result = between_maps(a, b, align(a, b, prior(options, a, b), config(options, [a, b])))
+    result = between_maps(a, b, align(a, b, prior(options, a, b), settings_for([a, b], options.method)))
     written = []
     if isinstance(result, Stitch):
         written = write(options, [0, 1], [a, b], np.array([np.zeros(3), result.T_a_b]))
@@ -145,9 +135,10 @@ def join_all(options: Options, submaps: list[Submap]) -> None:
     from stitch.command.answer import graph_json, in_words, pairs_table
     from stitch.command.frames import graph_between_maps
     from stitch.command.map_graph import join
+    from stitch.command.maps import settings_for
 
     names = [str(path) for path in options.maps]
-    settings = config(options, submaps)
+    settings = settings_for(submaps)
     of_anchors = join(len(submaps), lambda a, b: align(submaps[a], submaps[b], None, settings))
     graph, members = graph_between_maps(submaps, of_anchors), of_anchors.members
     written = write(options, members, submaps, graph.poses) if len(members) > 1 else []

@@ -40,6 +40,17 @@ def read_submap(path: Path) -> tuple[Submap, tuple[str, ...]]:
     return Submap(0, 1, found.T_map_grid, surfaces(known), known), found.notes
 
 
+def settings_for(submaps: Sequence[Submap], method: str = "joint") -> AlignConfig:
+    """The settings of a method for some maps; a raster is never finer than the maps are."""
+    coarsest = max(submap.grid.resolution for submap in submaps)
+    default = AlignConfig()
+    return AlignConfig(
+        method=method,
+        resolution=max(default.resolution, coarsest),
+        search=replace(default.search, resolution=max(default.search.resolution, coarsest)),
+    )
+
+
 def check_size(submaps: Sequence[Submap], config: AlignConfig) -> None:
     """See that any two of the maps can be aligned in memory. Raises `FormatError`."""
     sides = np.array([submap.grid.occupied.shape for submap in submaps]) * np.array(
