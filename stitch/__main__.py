@@ -81,6 +81,9 @@ def check(options: Options) -> None:
         raise InputError(f"--all needs covariances: expected --method joint, got {options.method}")
     if options.prior and abs(options.prior[2]) > 2.0 * math.pi:
         raise InputError(f"--prior: a yaw of {options.prior[2]:g} is more than a turn, expected radians")
+    if options.prior_sigma and min(options.prior_sigma) <= 0.0:
+        sigmas = " ".join(f"{sigma:g}" for sigma in options.prior_sigma)
+        raise InputError(f"--prior-sigma: expected three standard deviations > 0, got {sigmas}")
     if options.out:
         from stitch.command import output
 
@@ -156,17 +159,14 @@ def join_all(options: Options, submaps: list[Submap]) -> None:
 
 
 def prior(options: Options, a: Submap, b: Submap) -> Prior | None:
-    """What the user knows, between the submaps' anchors. Raises `InputError`."""
+    """What the user knows, between the submaps' anchors."""
     import numpy as np
 
     from stitch.command.frames import prior_between
 
     if options.prior is None:
         return None
-    try:
-        return prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
-    except ValueError as error:
-        raise InputError(f"--prior-sigma: {error}") from error
+    return prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
 
 
 def write(options: Options, members: Sequence[int], submaps: list[Submap], poses: Array) -> list[Path]:

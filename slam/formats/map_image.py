@@ -16,6 +16,7 @@ MAX_PIXELS = 100_000_000
 BYTES_PER_PIXEL = 5
 """What reading takes: the file, the pixels, their shade, and two cells."""
 EXPECTED = "expected pgm, png, bmp, jpg or tif"
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _GAP = rb"(?:\s|#[^\n]*\n)+"
 _PNM = re.compile(rb"P([2356])" + _GAP + _GAP.join([rb"(\d{1,9})"] * 3) + rb"\s")
 """Of pgm and ppm: kind, width, height and the value that is white."""
@@ -38,15 +39,18 @@ def read(path: Path) -> MapImage:
     """
     try:
         data = np.fromfile(path, dtype=np.uint8)
-        with path.open("rb") as file:
-            header = _PNM.match(file.read(4096))
+        header = _PNM.match(data[:4096].tobytes())
     except OSError as error:
         raise FormatError(f"cannot be read: {error.strerror}", path) from None
-    width, height = (int(header[2]), int(header[3])) if header else _size(path)
+    width, height = (int(header[2]), int(header[3])) if header else _size(data[:24].tobytes(), path)
     if width * height > MAX_PIXELS:
         need = BYTES_PER_PIXEL * width * height / 1e9
         message = f"{width} x {height} pixels would take {need:.1f} GB of memory"
         raise FormatError(f"{message}, expected at most {MAX_PIXELS:,} pixels", path)
+    if header and header[1] in b"56" and header[0].endswith(b"\r") and b"\r\n" in header[0]:
+        data = np.delete(data, header.end())  # the line feed of a header written in DOS, which is no pixel
+    if data[:2].tobytes() in (b"P1", b"P2", b"P3"):
+        data = np.append(data, np.uint8(ord("\n")))  # OpenCV misses the last number of a text file without it
     pixels = _decoded(data, path)
     white, opaque = _white(header, pixels, path), None
     if pixels.ndim == 2:
@@ -57,15 +61,17 @@ def read(path: Path) -> MapImage:
     return MapImage(np.minimum(pixels.sum(axis=2, dtype=np.uint32), most), most, opaque)
 
 
-def _size(path: Path) -> tuple[int, int]:
-    """Width and height, without the pixels."""
+def _size(head: bytes, path: Path) -> tuple[int, int]:
+    """Width and height, without the pixels, of an image that begins with ``head``."""
     from PIL import Image
 
+    if head.startswith(PNG_MAGIC) and len(head) == 24:
+        return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
             return image.size
-    except Image.DecompressionBombError as error:
-        raise FormatError(f"{error}, expected at most {MAX_PIXELS:,} pixels", path) from None
+    except Image.DecompressionBombError:
+        raise FormatError(f"too many pixels, expected at most {MAX_PIXELS:,}", path) from None
     except Exception:  # readers of torn headers raise what they like
         raise FormatError(f"not an image, {EXPECTED}", path) from None
 
@@ -83,7 +89,7 @@ def _decoded(data: np.ndarray, path: Path) -> np.ndarray:
     finally:
         logging.setLogLevel(level)
     if pixels is None:
-        raise FormatError(f"not an image, {EXPECTED}", path)
+        raise FormatError("a torn image, expected a complete one", path)
     return np.asarray(pixels)
 
 

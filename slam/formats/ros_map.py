@@ -154,8 +154,9 @@ def _entries(path: Path) -> dict[str, Any]:
     """The yaml's entries, every scalar as text: nothing in it is built that we do not ask for."""
     import yaml
 
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # libyaml's own, where it is there, never hangs
     try:
-        entries = yaml.load(File(path).text, Loader=yaml.BaseLoader)
+        entries = yaml.load(File(path).text, Loader=loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else mark.line + 1
@@ -169,7 +170,7 @@ def _entries(path: Path) -> dict[str, Any]:
 
 def _entry(entries: dict[str, Any], key: str, path: Path) -> Any:
     if entries.get(key) in (None, "", "~", "null"):
-        raise FormatError(f"no {key}, expected the keys of a map_server map", path)
+        raise FormatError(f"no {key}, expected image, resolution, origin, negate and thresholds", path)
     return entries[key]
 
 
@@ -201,11 +202,12 @@ def _thresholds(entries: dict[str, Any], path: Path) -> tuple[float, float]:
 
 def _origin(entries: dict[str, Any], path: Path) -> Array:
     origin = _entry(entries, "origin", path)
+    shown = reprlib.repr(origin).replace("'", "") if isinstance(origin, list) else reprlib.repr(origin)
     if not isinstance(origin, list) or len(origin) != 3:
-        raise FormatError(f"origin is {reprlib.repr(origin)}, expected [x, y, yaw]", path)
+        raise FormatError(f"origin is {shown}, expected [x, y, yaw]", path)
     pose = np.array([_number({"origin": value}, "origin", path) for value in origin])
     if np.max(np.abs(pose[:2])) > FARTHEST:
-        raise FormatError(f"origin is {reprlib.repr(origin)}, expected metres within ±{FARTHEST:g}", path)
+        raise FormatError(f"origin is {shown}, expected metres within ±{FARTHEST:g}", path)
     return pose
 
 
@@ -228,7 +230,7 @@ def _image(entries: dict[str, Any], path: Path) -> tuple[Path, list[str]]:
     except OSError as error:
         raise FormatError(f"image {reprlib.repr(name)}: {error.strerror}", path) from None
     if not beside:
-        raise FormatError(f"image {name} not found, nor {own} beside the yaml", path)
+        raise FormatError(f"image {name} not found beside the yaml", path)
     image = min(beside, key=lambda file: (file.name != own, file.name))
     return image, [f"{path}: image {name} is not there, {image.name} beside the yaml is used"]
 

@@ -219,8 +219,15 @@ class Acceptance(Checked):
     """What an alignment must show to be believed."""
 
     POSITIVE = ("slide",)
-    SHARES = ("equal_walls", "equal_conflict")
-    LIMITS = ("min_lead", "max_ambiguity", "min_belief", "sliding", "close_lead")
+    LIMITS = (
+        "equal_walls",
+        "equal_conflict",
+        "min_lead",
+        "max_ambiguity",
+        "min_belief",
+        "sliding",
+        "close_lead",
+    )
 
     min_overlap: float = 4.0
     """Area [m²] known in both maps."""
@@ -232,8 +239,8 @@ class Acceptance(Checked):
     """Log-odds of the best other candidate, as a share of the best's: the better of two that would both do
     may just share more with the other map."""
     equal_walls: float = 0.9
-    """Share of the best's walls that another candidate must bring together to fit as well, which is refused.
-    This and the next are from 160 drawn rooms, nearly square (seeds 1000–1159)."""
+    """Share of the best's walls that another candidate must bring together to fit as well, which is refused;
+    inf: none is. This and the next are from 160 drawn rooms, nearly square."""
     equal_conflict: float = 0.04
     """So much of its walls may be in free space beyond those of the best: false answers have 0.02, right ones
     0.06 or more."""

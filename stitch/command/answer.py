@@ -103,8 +103,8 @@ def as_text(stitch: Stitch, a: str, b: str) -> str:
     if stitch.belief is not None:
         lines.append(f"  belief    {100.0 * _probability(stitch.belief):10.1f} % that it is right at all")
     lead = margin(stitch)
-    rival = "none" if lead is None else f"{in_words(stitch.alternatives[0].T_a_b)}, margin {lead:.2f}"
-    lines.append(f"  runner-up {rival}")
+    rival = in_words(stitch.alternatives[0].T_a_b) if stitch.alternatives else "none"
+    lines.append(f"  runner-up {rival}" + ("" if lead is None else f", margin {lead:.2f}"))
     return "\n".join(lines)
 
 
