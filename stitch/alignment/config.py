@@ -244,6 +244,9 @@ class Acceptance(Checked):
     equal_conflict: float = 0.04
     """So much of its walls may be in free space beyond those of the best: false answers have 0.02, right ones
     0.06 or more."""
+    equal_turn: float = np.radians(30.0)
+    """Only candidates that are turned by more than this [rad] from the best are asked whether they fit as
+    well."""
     min_belief: float = 0.0
     """Log-odds of being right, by `stitch.alignment.acceptance`."""
     slide: float = 0.4

@@ -279,7 +279,9 @@ def score_best(
     shifts = config.acceptance.slide * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
     left = field.agreement(T_a_b + shifts) - field.penalty / LINE * field.conflict(T_a_b + shifts)
     agreement = float(field.agreement(T_a_b[None])[0])
-    overlap, *rivals = (count_overlap(problem.a, problem.b, c.T_a_b) for c in candidates)
+    overlap = count_overlap(problem.a, problem.b, T_a_b)
+    turned = [c.T_a_b for c in others if _turn(c.T_a_b[2], T_a_b[2]) > config.acceptance.equal_turn]
+    rivals = [count_overlap(problem.a, problem.b, T) for T in turned]
     scores = CandidateScores(
         log_odds=best.score,
         rivals=tuple(other.score for other in others),
