@@ -110,7 +110,7 @@ def reason_against(
 ) -> str | None:
     """The first limit that an alignment breaks, in words; None when it is believed."""
     if scores.equals and shared.open_area >= limits.min_open:  # where hardly anything is shared, that is why
-        return f"ambiguity: {scores.equals} other candidates fit as well, as where a room is symmetric"
+        return f"ambiguity: turned, it would fit as well ({scores.equals} other candidates of that kind)"
     weakness = f" ({scores.main_weakness(limits)})"
     checks = [
         ("overlap", shared.overlap_area, limits.min_overlap, " m²", ""),
