@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -50,7 +51,7 @@ def is_scenario(target: str) -> bool:
 
 def is_map(target: str) -> bool:
     """True for what is named as ROS maps are."""
-    return Path(target).suffix in MAP_SUFFIXES
+    return Path(target).suffix.lower() in MAP_SUFFIXES
 
 
 def simulated(
@@ -73,7 +74,10 @@ def _scenario(target: str, start: Pose | None) -> Buildable:
         return CATALOGUE[target]
     from scenarios.catalogue.ros_map import MappedBuilding
 
-    return MappedBuilding(Path(target), start)
+    building = MappedBuilding(Path(target), start)
+    for note in building.map.notes:
+        print(note, file=sys.stderr)
+    return building
 
 
 def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:

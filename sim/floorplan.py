@@ -177,10 +177,12 @@ def wall_lines(grid: Grid, tolerance: float = TOLERANCE) -> Array:
     return np.tile(grid.origin, 2) + (segments + 0.5) * grid.resolution
 
 
-def walls_of_map(grid: Grid, height: float = WALL_HEIGHT) -> list[Prism]:
-    """Everything occupied as walls one cell thick and ``height`` m high, hollow where it is thicker."""
+def walls_of_map(grid: Grid, height: float = WALL_HEIGHT, yaw: float = 0.0) -> list[Prism]:
+    """Everything occupied as walls one cell thick and ``height`` m high, hollow where it is thicker; all
+    turned by ``yaw`` rad about the origin."""
     prisms = []
-    for x1, y1, x2, y2 in wall_lines(grid).tolist():
+    ends = se2.transform(np.array([0.0, 0.0, yaw]), wall_lines(grid).reshape(-1, 2))
+    for x1, y1, x2, y2 in ends.reshape(-1, 4).tolist():
         length, yaw = float(np.hypot(x2 - x1, y2 - y1)), float(np.arctan2(y2 - y1, x2 - x1))
         centre = [0.5 * (x1 + x2), 0.5 * (y1 + y2), yaw]
         prisms.append(box(centre, length + grid.resolution, grid.resolution, z_hi=height, kind="wall"))

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -28,6 +29,7 @@ else:
     Method = Literal[tuple(METHODS)]
 
 COMMAND = "stitch"
+IMAGE_SUFFIXES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 PRIOR_SIGMA = (1.0, 1.0, math.radians(10.0))
 
 
@@ -39,7 +41,7 @@ class Options:
     """
 
     maps: Positional[Annotated[tuple[Path, ...], arg(metavar="A.yaml B.yaml", help_behavior_hint="")]] = ()
-    """Maps as map_server reads them (pgm or png); their resolutions may differ."""
+    """Maps as map_server reads them; their resolutions may differ."""
     out: Annotated[Path | None, arg(aliases=["-o"], metavar="NAME", help_behavior_hint="")] = None
     """Write the merged map, in the frame of the first, to NAME.yaml and .pgm, and a picture to NAME.png."""
     prior: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
@@ -59,7 +61,7 @@ def run(options: Options) -> None:
     check(options)
     submaps = read(options)
     join = join_all if options.all else join_two
-    join(options, submaps, config(options, submaps))
+    join(options, submaps, maps.settings_for(submaps, options.method))
 
 
 def check(options: Options) -> None:
@@ -70,7 +72,7 @@ def check(options: Options) -> None:
     if count > 2 and not options.all:
         raise InputError(f"expected two maps, got {count}: with --all any number of them is joined")
     for path in options.maps:
-        if path.suffix.lower() in (".pgm", ".png"):
+        if path.suffix.lower() in IMAGE_SUFFIXES:
             raise InputError(f"{path}: is an image, expected the map's yaml")
     if options.prior_sigma and not options.prior:
         raise InputError("--prior-sigma is for a --prior: there is none")
@@ -80,6 +82,9 @@ def check(options: Options) -> None:
         raise InputError(f"--all needs covariances: expected --method joint, got {options.method}")
     if options.prior and abs(options.prior[2]) > 2.0 * math.pi:
         raise InputError(f"--prior: a yaw of {options.prior[2]:g} is more than a turn, expected radians")
+    if options.prior_sigma and min(options.prior_sigma) <= 0.0:
+        sigmas = " ".join(f"{sigma:g}" for sigma in options.prior_sigma)
+        raise InputError(f"--prior-sigma: expected three standard deviations > 0, got {sigmas}")
     if options.out:
         maps.check_output(options.out)
 
@@ -87,24 +92,16 @@ def check(options: Options) -> None:
 def read(options: Options) -> list[Submap]:
     """The maps as submaps. Raises `InputError`."""
     try:
-        submaps = [maps.read_submap(path) for path in options.maps]
-        maps.check_size(submaps, config(options, submaps))
+        read_maps = [maps.read_submap(path) for path in options.maps]
+        submaps = [submap for submap, _ in read_maps]
+        maps.check_size(submaps, maps.settings_for(submaps, options.method))
         if options.out:
             maps.check_inputs(options.out, options.maps)
     except FormatError as error:
         raise InputError(str(error)) from error
+    for note in chain.from_iterable(notes for _, notes in read_maps):
+        print(f"{COMMAND}: {note}", file=sys.stderr)
     return submaps
-
-
-def config(options: Options, submaps: list[Submap]) -> AlignConfig:
-    """The settings of the method; a raster is never finer than the maps are."""
-    coarsest = max(submap.grid.resolution for submap in submaps)
-    default = AlignConfig()
-    return AlignConfig(
-        method=options.method,
-        resolution=max(default.resolution, coarsest),
-        search=replace(default.search, resolution=max(default.search.resolution, coarsest)),
-    )
 
 
 def join_two(options: Options, submaps: list[Submap], settings: AlignConfig) -> None:
@@ -145,13 +142,10 @@ def join_all(options: Options, submaps: list[Submap], settings: AlignConfig) -> 
 
 
 def prior(options: Options, a: Submap, b: Submap) -> Prior | None:
-    """What the user knows, between the submaps' anchors. Raises `InputError`."""
+    """What the user knows, between the submaps' anchors."""
     if options.prior is None:
         return None
-    try:
-        return maps.prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
-    except ValueError as error:
-        raise InputError(f"--prior-sigma: {error}") from error
+    return maps.prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
 
 
 def write(options: Options, members: Sequence[int], submaps: list[Submap], poses: Array) -> list[Path]:

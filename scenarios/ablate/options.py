@@ -74,6 +74,23 @@ class HalmstadOptions:
 
 
 @dataclass(frozen=True)
+class RosMapsOptions:
+    """ROS maps as people published them: each with itself, pairs of one place, pairs of different places.
+
+    Join the maps of ros_maps/ with each other, read only; nothing is tuned on them. A map with itself must be
+    the identity or refused; pairs of one place are joined with and without a prior (1 m and 10°, its error
+    drawn); pairs of different places must be refused.
+    """
+
+    data: Path = Path("../shared/data")
+    """The folder with ros_maps/."""
+    places: str = ""
+    """Folders of ros_maps/, with commas between; empty: all."""
+    format: Format = "table"
+    """What is printed on stdout; in JSON every pair, also of different places."""
+
+
+@dataclass(frozen=True)
 class LikenessOptions(StudyOptions):
     """What each meeting of two walls says of an alignment, learnt from pairs whose truth is known.
 
@@ -176,6 +193,7 @@ STUDIES: dict[str, type] = {
     "halmstad": HalmstadOptions,
     "likeness": LikenessOptions,
     "methods": MethodsOptions,
+    "ros_maps": RosMapsOptions,
     "segmentation": SegmentationOptions,
     "stitching": StitchingOptions,
 }

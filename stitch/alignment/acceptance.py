@@ -22,7 +22,7 @@ learnt: not settings."""
 RIVALS = 3
 SHARED_CLASSES = 4
 """A wall point is shared when its distance is in one of the first so many classes of
-`stitch.alignment.likelihood.DISTANCES`."""
+`stitch.alignment.likelihood.DISTANCES`. Part of what was learnt: not a setting."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,8 @@ class CandidateScores:
     ``log_odds`` of its overlap likelihood; ``rivals``: those of the other candidates, best first;
     ``positional_distinctness``, at most 1: smallest relative loss of agreement when it is shifted by
     `Acceptance.slide`, about 0 along a featureless corridor; the ``overlap`` counts; ``prior_penalty``: half
-    its squared Mahalanobis distance from the prior, 0 without one; ``has_prior``.
+    its squared Mahalanobis distance from the prior, 0 without one; ``has_prior``; ``equals``: how many of the
+    others `fits_as_well`.
     """
 
     log_odds: float
@@ -77,6 +78,7 @@ class CandidateScores:
     overlap: OverlapCounts
     prior_penalty: float
     has_prior: bool
+    equals: int = 0
 
     @property
     def best_rival(self) -> float:
@@ -162,10 +164,23 @@ def features(shared: SharedArea, scores: CandidateScores) -> Array:
     )
 
 
+def fits_as_well(rival: OverlapCounts, best: OverlapCounts, limits: Acceptance) -> bool:
+    """Whether a rival brings as many walls together as the best candidate and puts hardly more of them into
+    free space: in a room that looks the same when turned, the likelihood does not tell which is right.
+    """
+    shared_rival, shared_best = (int(n.counts[:, ::2, :SHARED_CLASSES].sum()) for n in (rival, best))
+    against_rival, against_best = (int(n.counts[:, :2, -1].sum()) for n in (rival, best))
+    if shared_rival < limits.equal_walls * shared_best:
+        return False
+    return against_rival - against_best <= limits.equal_conflict * shared_rival
+
+
 def reason_against(
     shared: SharedArea, scores: CandidateScores, belief: float, limits: Acceptance
 ) -> str | None:
     """The first limit that an alignment breaks, in words; None when it is believed."""
+    if scores.equals and shared.open_area >= limits.min_open:  # where hardly anything is shared, that is why
+        return f"ambiguity: turned, it would fit as well ({scores.equals} other candidates of that kind)"
     weakness = f" ({scores.main_weakness(limits)})"
     checks = [
         ("overlap", shared.overlap_area, limits.min_overlap, " m²", ""),

@@ -203,6 +203,15 @@ class Acceptance(Checked):
     max_ambiguity: Limit = 0.5
     """Log-odds of the best other candidate, as a share of the best's: the better of two that would both do
     may just share more with the other map."""
+    equal_walls: Limit = 0.9
+    """Share of the best's walls that another candidate must bring together to fit as well, which is refused;
+    inf: none is. This and the next are from 160 drawn rooms, nearly square."""
+    equal_conflict: Limit = 0.04
+    """So much of its walls may be in free space beyond those of the best: false answers have 0.02, right ones
+    0.06 or more."""
+    equal_turn: Amount = np.radians(30.0)
+    """Only candidates that are turned by more than this [rad] from the best are asked whether they fit as
+    well."""
     min_belief: Limit = 0.0
     """Log-odds of being right, by `stitch.alignment.acceptance`."""
     slide: Positive = 0.4

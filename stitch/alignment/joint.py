@@ -247,12 +247,16 @@ def score_best(
     shifts = config.acceptance.slide * np.stack([np.cos(around), np.sin(around), np.zeros(8)], -1)
     left = field.agreement(T_a_b + shifts) - field.penalty / translation.LINE * field.conflict(T_a_b + shifts)
     agreement = float(field.agreement(T_a_b[None])[0])
+    overlap, limits = count_overlap(problem.a, problem.b, T_a_b), config.acceptance
+    turned = [c.T_a_b for c in others if abs(se2.wrap(c.T_a_b[2] - T_a_b[2])) > limits.equal_turn]
+    rivals = [count_overlap(problem.a, problem.b, T) for T in turned]
     scores = acceptance.CandidateScores(
         log_odds=best.score,
         rivals=tuple(other.score for other in others),
         positional_distinctness=1.0 - float(left.max()) / max(agreement, 1e-9),
-        overlap=count_overlap(problem.a, problem.b, T_a_b),
+        overlap=overlap,
         prior_penalty=float(prior_penalty(prior, T_a_b, 1.0)),
         has_prior=prior is not None,
+        equals=sum(acceptance.fits_as_well(rival, overlap, limits) for rival in rivals),
     )
     return shared, scores

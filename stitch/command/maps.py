@@ -29,22 +29,37 @@ MAX_SEARCH = 25_000_000
 BYTES_PER_SEARCH_CELL = 60
 
 
-def read_submap(path: Path) -> Submap:
-    """The map as a submap whose anchor is the image's lower left corner, in the map's frame.
+def read_submap(path: Path) -> tuple[Submap, tuple[str, ...]]:
+    """The map as a submap whose anchor is the image's lower left corner, in the map's frame; and what the
+    user should know of it, a line each.
 
-    Cells beyond those that are known are cut off. Raises `FormatError` for a map that cannot be read or has
+    Cells beyond those that are known are cut off. In a map without unknown cells, as a floor plan is, free
+    means not drawn: nothing there was seen, so it neither speaks against a wall nor for an overlap, and only
+    the walls are kept. Raises `FormatError` for a map that cannot be read or has
     hardly any wall.
     """
     from stitch.alignment.walls import surfaces
 
-    grid, T_map_anchor = ros_map.read_cells(path)
+    found = ros_map.read_map(path)
+    grid = found.grid if found.states_unknown else replace(found.grid, free=np.zeros_like(found.grid.free))
     walls = int(grid.occupied.sum())
     if walls < MIN_WALLS:
         height, width = grid.occupied.shape
         message = f"{walls} occupied of {width} x {height} cells, expected at least {MIN_WALLS} to align"
         raise FormatError(message, path)
     known = cropped(grid)
-    return Submap(0, 1, T_map_anchor, surfaces(known), known)
+    return Submap(0, 1, found.T_map_grid, surfaces(known), known), found.notes
+
+
+def settings_for(submaps: Sequence[Submap], method: str = "joint") -> AlignConfig:
+    """The settings of a method for some maps; a raster is never finer than the maps are."""
+    coarsest = max(submap.grid.resolution for submap in submaps)
+    default = AlignConfig()
+    return AlignConfig(
+        method=method,
+        resolution=max(default.resolution, coarsest),
+        search=replace(default.search, resolution=max(default.search.resolution, coarsest)),
+    )
 
 
 def check_size(submaps: Sequence[Submap], config: AlignConfig) -> None:
@@ -215,6 +230,6 @@ def as_text(stitch: Stitch, a: str, b: str) -> str:
     if stitch.belief is not None:
         lines.append(f"  belief    {100.0 * _probability(stitch.belief):10.1f} % that it is right at all")
     lead = margin(stitch)
-    rival = "none" if lead is None else f"{in_words(stitch.alternatives[0].T_a_b)}, margin {lead:.2f}"
-    lines.append(f"  runner-up {rival}")
+    rival = in_words(stitch.alternatives[0].T_a_b) if stitch.alternatives else "none"
+    lines.append(f"  runner-up {rival}" + ("" if lead is None else f", margin {lead:.2f}"))
     return "\n".join(lines)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -100,12 +101,12 @@ def no_map(file: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (unreadable, "not an image"),
+        (unreadable, "a torn image"),
         (empty, "the file is empty"),
         (unknown, "flat.yaml: no free space"),
         (narrow, "flat.yaml: no place where the robot fits"),
         (flat_resolution, "resolution 0, expected metres per pixel > 0"),
-        (no_map, "no resolution, expected the keys of a map_server map"),
+        (no_map, "no resolution, expected image, resolution, origin"),
     ],
 )
 def test_maps_nobody_can_drive_through(spoil: object, message: str, file: Path) -> None:
@@ -155,3 +156,51 @@ def test_the_command_runs_a_map_and_refuses_a_start_in_a_wall(
     assert main(Options, COMMAND, run) == 2
     assert "start (2.27, 2) is inside a wall" in capsys.readouterr().err.splitlines()[-1]
     assert not (file.parent / "flat-seed1").exists()
+
+
+def on_free_cells(file: Path, seed: int = 0) -> bool:
+    """Whether a drive through a map keeps to its free cells."""
+    found, drive = ros_map.read_map(file), simulate(MappedBuilding(file), seed).recording
+    assert drive.truth is not None
+    at = se2.transform(se2.inverse(found.T_map_grid), drive.truth[:, :2]) / found.grid.resolution
+    column, row = np.floor(at).astype(int).T
+    return bool(np.all(found.grid.free[row, column]))
+
+
+def test_a_drive_stays_indoors_with_nav2s_free_thresh(file: Path) -> None:
+    """The flat has a way out; beyond it nothing is known, which is not free."""
+    door = flat()
+    door.occupied[20:45, 4], door.free[20:45, 4] = False, True
+    ros_map.write(file, door)
+    file.write_text(file.read_text().replace("0.196", "0.25"))
+    assert on_free_cells(file)
+
+
+def test_a_yaw_of_the_origin_turns_the_building(file: Path) -> None:
+    T_map_grid = np.array([4.0, -3.0, 1.0])
+    ros_map.write(file, replace(flat(), origin=T_map_grid[:2]), yaw=T_map_grid[2])
+    assert on_free_cells(file)
+    inside = se2.transform(T_map_grid, np.array([[6.0, 1.5]]))[0]
+    start = (*inside.tolist(), -2.0)
+    driven = simulate(MappedBuilding(file, start), 0).recording
+    assert driven.truth is not None
+    np.testing.assert_allclose(driven.truth[0], start, atol=0.05)
+    beams = np.stack([driven.ranges * np.cos(driven.angles), driven.ranges * np.sin(driven.angles)], -1)[::40]
+    ends = se2.transform(se2.compose(driven.truth[::40], driven.laser.T_robot_laser), beams).reshape(-1, 2)
+    ends = se2.transform(se2.inverse(T_map_grid), ends[np.isfinite(ends[:, 0])])
+    walls = replace(flat(), origin=np.zeros(2)).occupied_points()
+    away = np.array([np.hypot(*(walls - end).T).min() for end in ends])
+    assert np.median(away) < RESOLUTION
+
+
+def test_a_map_that_states_no_unknown_cell_is_driven_through_indoors(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = flat()
+    wide = np.pad(whole.occupied, 100)  # outdoors there is more room than in the flat
+    ros_map.write(file, Grid(wide, ~wide, ORIGIN, RESOLUTION))
+    source = simulated(str(file), 0)
+    assert "no cell is unknown" in capsys.readouterr().err
+    assert source.recording.truth is not None
+    column, row = np.floor((source.recording.truth[:, :2] - ORIGIN) / RESOLUTION).astype(int).T
+    assert np.all(np.pad(whole.free, 100)[row, column])

@@ -26,8 +26,10 @@ ANYTHING = Acceptance(
     min_open=0.0,
     min_lead=-np.inf,
     max_ambiguity=np.inf,
+    equal_walls=np.inf,
     min_belief=-np.inf,
 )
+NEVER_AMBIGUOUS = Acceptance(min_lead=0.0, max_ambiguity=1.0, equal_walls=np.inf)
 CREDULOUS = replace(CORRELATION, acceptance=ANYTHING, prior=PriorConfig(confidence=1.0))
 HTMS = AlignConfig(method="htms")
 COVARIANCE = np.diag([0.5, 0.5, 0.05]) ** 2
@@ -234,7 +236,7 @@ def test_a_bare_corridor_is_ambiguous_and_its_covariance_wide(plan: dict[str, An
     refused = align(a, b, prior)
     assert isinstance(refused, NoStitch)
     assert "ambiguity" in refused.reason
-    answer = align(a, b, prior, AlignConfig(acceptance=Acceptance(min_lead=0.0, max_ambiguity=1.0)))
+    answer = align(a, b, prior, AlignConfig(acceptance=NEVER_AMBIGUOUS))
     assert isinstance(answer, Stitch)
     R = se2.rotation(anchors[1, 2])  # from b's axes to the building's
     spread = R @ answer.covariance[:2, :2] @ R.T

@@ -80,15 +80,17 @@ def test_png_and_negate(folder: Path) -> None:
         ("0.5", "0", "resolution 0, expected metres per pixel > 0"),
         ("0.5", "-0.5", "resolution -0.5, expected"),
         ("0.5", "fine", "resolution is 'fine', expected a number"),
-        ("0.5", ".nan", "resolution is nan, expected a number"),
+        ("0.5", ".nan", "resolution is '.nan', expected a number"),
         ("origin: [-1.0, 2.0, 0.0]\n", "", "no origin"),
         ("2.0, 0.0", "2.0", r"origin is \[-1.0, 2.0\], expected \[x, y, yaw\]"),
         ("2.0, 0.0", "2.0, 0.1", "origin is rotated by 0.1 rad"),
         ("0.196", "0.9", "free_thresh 0.9, occupied_thresh 0.65, expected"),
         ("negate: 0\n", "", "no negate"),
-        ("negate: 0\n", "negate: 0\nmode: raw\n", "mode 'raw', expected trinary or scale"),
-        ("map.pgm", "[map.pgm]", r"image \['map.pgm'\] not found"),
-        ("map.pgm", "''", "image not found"),
+        ("negate: 0\n", "negate: 0\nmode: grey\n", "mode 'grey', expected trinary, scale, raw"),
+        ("map.pgm", "[map.pgm]", r"no image, expected the name of one, got \['map.pgm'\]"),
+        ("map.pgm", "''", "no image, expected the name of one"),
+        ("-1.0", "[" * 5000, r"nested too deeply|map\.yaml:\d: not yaml"),
+        ("0.5", "9" * 5000, "resolution is '9+.*9+', expected a number"),
         ("-1.0, 2.0", "1.0e+300, 2.0", r"origin is .*, expected metres within ±1e\+08"),
     ],
 )
@@ -100,11 +102,18 @@ def test_bad_yaml(folder: Path, old: str, new: str, message: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"P5\n3 2\n255\n\x00\x01", b"hello", b"\x89PNG\r\n\x1a\n", b"P5\n0 0\n255\n"]
+    ("data", "message"),
+    [
+        (b"", "not an image, expected pgm, png, bmp, jpg or tif"),
+        (b"hello", "not an image, expected pgm, png, bmp, jpg or tif"),
+        (b"P5\n3 2\n255\n\x00\x01", "a torn image, expected a complete one"),
+        (b"\x89PNG\r\n\x1a\n", "not an image, expected pgm, png, bmp, jpg or tif"),
+        (b"P5\n0 0\n255\n", "a torn image, expected a complete one"),
+    ],
 )
-def test_torn_image(folder: Path, data: bytes, capfd: pytest.CaptureFixture[str]) -> None:
+def test_torn_image(folder: Path, data: bytes, message: str, capfd: pytest.CaptureFixture[str]) -> None:
     (folder / "map.pgm").write_bytes(data)
-    with pytest.raises(FormatError, match=r"map\.pgm: not an image, expected pgm or png"):
+    with pytest.raises(FormatError, match=rf"map\.pgm: {message}"):
         ros_map.read(folder / "map.yaml")
     assert capfd.readouterr().err == ""
 
@@ -115,6 +124,7 @@ def image(folder: Path, pixels: np.ndarray, **changes: str) -> Grid:
 
     assert cv2.imwrite(str(folder / "map.png"), pixels)
     text = YAML.replace("map.pgm", "map.png").replace("negate: 0", f"negate: {changes.get('negate', '0')}")
+    text = text.replace("0.196", changes.get("free_thresh", "0.196"))
     (folder / "map.yaml").write_text(text + f"mode: {changes.get('mode', 'trinary')}\n")
     return ros_map.read(folder / "map.yaml")
 
@@ -129,16 +139,87 @@ def test_colours_count_by_their_mean(folder: Path) -> None:
 RGBA = np.array([[[0, 0, 0, 255], [255, 255, 255, 0], [255, 255, 255, 255], [0, 0, 0, 0]]], dtype=np.uint8)
 
 
-def test_alpha_is_one_more_channel_to_map_server(folder: Path) -> None:
-    grid = image(folder, RGBA)  # means 63.75, 191.25, 255, 0: occupancies 0.75, 0.25, 0, 1
-    np.testing.assert_array_equal(grid.occupied, [[1, 0, 0, 1]])
-    np.testing.assert_array_equal(grid.free, [[0, 0, 1, 0]])
-
-
-def test_what_is_not_opaque_is_unknown_in_the_mode_scale(folder: Path) -> None:
-    grid = image(folder, RGBA, mode="scale")
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+def test_alpha_is_no_colour_and_what_is_not_opaque_is_unknown(folder: Path, mode: str) -> None:
+    grid = image(folder, RGBA, mode=mode)
     np.testing.assert_array_equal(grid.occupied, [[1, 0, 0, 0]])
     np.testing.assert_array_equal(grid.free, [[0, 0, 1, 0]])
+
+
+SAVED = np.array([[0, 205, 254], [205, 254, 205]], dtype=np.uint8)
+"""As map_saver has it."""
+
+
+@pytest.mark.parametrize("unknown", [205, 206])
+@pytest.mark.parametrize("free_thresh", ["0.196", "0.25", "0.6"])
+def test_the_savers_greys_mean_what_it_means_by_them(folder: Path, free_thresh: str, unknown: int) -> None:
+    """205 is an occupancy of 0.196, so nav2's own threshold of 0.25 would have everything unknown free."""
+    saved = np.where(SAVED == 205, unknown, SAVED).astype(np.uint8)
+    grid = image(folder, saved, free_thresh=free_thresh)
+    np.testing.assert_array_equal(grid.occupied, saved[::-1] == 0)
+    np.testing.assert_array_equal(grid.free, saved[::-1] == 254)
+    inverted = image(folder, 255 - saved, free_thresh=free_thresh, negate="1")
+    np.testing.assert_array_equal(inverted.free, grid.free)
+
+
+def test_other_greys_mean_what_the_thresholds_say(folder: Path) -> None:
+    """A fifth of the pixels is none of the saver's: 205 is a probability like any other."""
+    grey = np.array([[0, 205, 254, 180, 254, 205, 0, 254, 100, 205]], dtype=np.uint8)
+    np.testing.assert_array_equal(image(folder, grey, free_thresh="0.25").free, grey >= 205)
+
+
+def test_mode_raw_has_per_cent(folder: Path) -> None:
+    grid = image(folder, np.array([[0, 100, 255, 66, 19, 40, 101]], dtype=np.uint8), mode="raw")
+    np.testing.assert_array_equal(grid.occupied, [[0, 1, 0, 1, 0, 0, 0]])
+    np.testing.assert_array_equal(grid.free, [[1, 0, 0, 0, 1, 0, 0]])
+
+
+@pytest.mark.parametrize("suffix", [".bmp", ".jpg", ".tif", ".png", ".JPG"])
+def test_other_kinds_of_images(folder: Path, suffix: str) -> None:
+    import cv2
+
+    pixels = np.kron(SAVED, np.ones((16, 16), dtype=np.uint8))
+    assert cv2.imwrite(str(folder / f"map{suffix}"), pixels)
+    (folder / "map.yaml").write_text(YAML.replace("map.pgm", f"map{suffix}") + "mode: Trinary\n")
+    grid = ros_map.read(folder / "map.yaml")
+    np.testing.assert_array_equal(grid.occupied, pixels[::-1] == 0)
+    np.testing.assert_array_equal(grid.free, pixels[::-1] == 254)
+
+
+def test_a_header_with_dos_line_ends_shifts_nothing(folder: Path) -> None:
+    (folder / "map.pgm").write_bytes(b"P5\r\n3 2\r\n255\r\n" + SAVED.tobytes())
+    np.testing.assert_array_equal(ros_map.read(folder / "map.yaml").occupied, SAVED[::-1] == 0)
+
+
+@pytest.mark.parametrize("white", [100, 254, 1000])
+@pytest.mark.parametrize("kind", [b"P2", b"P5"])
+def test_white_is_what_the_header_says(folder: Path, white: int, kind: bytes) -> None:
+    values = np.round(SAVED / 255.0 * white).astype(">u1" if white < 256 else ">u2")
+    body = values.tobytes() if kind == b"P5" else b" ".join(b"%d" % value for value in values.ravel())
+    (folder / "map.pgm").write_bytes(b"%s\n3 2\n%d\n" % (kind, white) + body)
+    grid = ros_map.read(folder / "map.yaml")
+    np.testing.assert_array_equal(grid.occupied, SAVED[::-1] == 0)
+    np.testing.assert_array_equal(grid.free, SAVED[::-1] == 254)
+
+
+@pytest.mark.parametrize(
+    "named", ["/home/robot/maps/map.pgm", r"C:\maps\map.pgm", "maps/map.pgm", "~/map.pgm", "MAP.PGM"]
+)
+def test_an_image_of_another_computers_path_lies_beside_the_yaml(folder: Path, named: str) -> None:
+    (folder / "map.yaml").write_text(YAML.replace("map.pgm", named))
+    found = ros_map.read_map(folder / "map.yaml")
+    assert found.image == folder / "map.pgm" == ros_map.image_of(folder / "map.yaml")
+    assert [note.split(": ", 1)[1] for note in found.notes] == [
+        f"image {named} is not there, map.pgm beside the yaml is used"
+    ]
+
+
+def test_a_map_that_states_no_unknown_cell_says_so(folder: Path) -> None:
+    assert ros_map.read_map(folder / "map.yaml").notes == ()
+    (folder / "map.pgm").write_bytes(b"P1\n3 2\n1 0 0\n0 0 0\n")  # one bit: black or white
+    found = ros_map.read_map(folder / "map.yaml")
+    assert not found.states_unknown
+    assert "no cell is unknown" in found.notes[0]
 
 
 def test_sixteen_bits(folder: Path) -> None:
@@ -165,27 +246,21 @@ def test_a_huge_image_is_refused_by_its_header(folder: Path, header: bytes) -> N
         ros_map.read(folder / "map.yaml")
 
 
-def test_white_of_another_value_is_refused(folder: Path) -> None:
-    (folder / "map.pgm").write_bytes(b"P5\n3 1\n100\n\x00\x32\x64")
-    with pytest.raises(FormatError, match="white is 100, expected 255 or 65535"):
-        ros_map.read(folder / "map.yaml")
-
-
 def test_a_rotated_origin_is_the_pose_of_the_lower_left_corner(folder: Path) -> None:
     (folder / "map.yaml").write_text(YAML.replace("2.0, 0.0", "2.0, 0.5"))
-    grid, T_map_grid = ros_map.read_cells(folder / "map.yaml")
-    np.testing.assert_array_equal(grid.occupied, [[0, 0, 0], [1, 0, 0]])
-    assert grid.origin.tolist() == [0.0, 0.0]
-    assert T_map_grid.tolist() == [-1.0, 2.0, 0.5]
+    found = ros_map.read_map(folder / "map.yaml")
+    np.testing.assert_array_equal(found.grid.occupied, [[0, 0, 0], [1, 0, 0]])
+    assert found.grid.origin.tolist() == [0.0, 0.0]
+    assert found.T_map_grid.tolist() == [-1.0, 2.0, 0.5]
 
 
 def test_round_trip_of_a_rotated_map(tmp_path: Path) -> None:
     occupied = np.array([[True, False], [False, False], [False, True]])
     grid = Grid(occupied, ~occupied, np.array([3.0, -4.0]), 0.25)
     ros_map.write(tmp_path / "map.yaml", grid, yaw=-2.0)
-    found, T_map_grid = ros_map.read_cells(tmp_path / "map.yaml")
-    np.testing.assert_array_equal(found.occupied, occupied)
-    assert T_map_grid.tolist() == [3.0, -4.0, -2.0]
+    found = ros_map.read_map(tmp_path / "map.yaml")
+    np.testing.assert_array_equal(found.grid.occupied, occupied)
+    assert found.T_map_grid.tolist() == [3.0, -4.0, -2.0]
 
 
 def test_a_map_is_named_after_its_yaml(tmp_path: Path) -> None:

@@ -78,6 +78,19 @@ CASES = {
     "acceptance.min_open": refuses(1e4, "space free in both"),
     "acceptance.min_lead": refuses(1e4, "lead over a rival"),
     "acceptance.max_ambiguity": refuses(-1.0, "of the log-odds, expected at most -1"),
+    "acceptance.equal_walls": refuses(
+        -1.0, "turned, it would fit as well", acceptance=Acceptance(equal_conflict=np.inf, equal_turn=0.0)
+    ),
+    "acceptance.equal_conflict": refuses(
+        np.inf,
+        "turned, it would fit as well",
+        acceptance=Acceptance(equal_walls=-1.0, equal_conflict=-np.inf, equal_turn=0.0),
+    ),
+    "acceptance.equal_turn": refuses(
+        0.0,
+        "turned, it would fit as well",
+        acceptance=Acceptance(equal_walls=-1.0, equal_conflict=np.inf, equal_turn=7.0),
+    ),
     "acceptance.min_belief": refuses(1e4, "belief"),
     "acceptance.slide": changes(0.05),
     "acceptance.sliding": refuses(np.inf, "slides along its walls", acceptance=Acceptance(min_belief=1e4)),

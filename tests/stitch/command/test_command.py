@@ -10,7 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -244,7 +244,7 @@ def test_a_map_and_itself(maps: Path) -> None:
 
 def turned_yaml(maps: Path, name: str, pose: Array) -> Path:
     """The same map, whose frame lies elsewhere: its corner is where ``pose (3,)`` puts it."""
-    _, corner = ros_map.read_cells(maps / f"{name}.yaml")
+    corner = ros_map.read_map(maps / f"{name}.yaml").T_map_grid
     x, y, yaw = se2.compose(pose, corner).tolist()
     path = maps / f"{name}_turned.yaml"
     text = (maps / f"{name}.yaml").read_text()
@@ -262,13 +262,43 @@ def test_a_yaw_of_the_origin_is_respected(maps: Path, tmp_path: Path) -> None:
         finished = run_command(a, b, "--format", "json", "-o", tmp_path / "m", *words)
         error = se2.between(expected, np.array(json.loads(finished.stdout)["T_a_b"]))
         assert np.all(np.abs(error) < [0.1, 0.1, 0.01])
-    merged, T_map_grid = ros_map.read_cells(tmp_path / "m.yaml")
-    known, T_map_known = ros_map.read_cells(a)
-    assert T_map_grid[2] == pytest.approx(0.9)
-    walls = se2.transform(T_map_known, known.occupied_points())
-    cells = (se2.transform(se2.inverse(T_map_grid), walls)) / merged.resolution
+    merged, known = ros_map.read_map(tmp_path / "m.yaml"), ros_map.read_map(a)
+    assert merged.T_map_grid[2] == pytest.approx(0.9)
+    walls = se2.transform(known.T_map_grid, known.grid.occupied_points())
+    cells = (se2.transform(se2.inverse(merged.T_map_grid), walls)) / merged.grid.resolution
     column, row = np.floor(cells).astype(int).T
-    assert merged.occupied[row, column].all()
+    assert merged.grid.occupied[row, column].all()
+
+
+def test_nav2s_free_thresh_changes_nothing(maps: Path, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        text = (maps / f"{name}.yaml").read_text()
+        (maps / f"{name}_nav2.yaml").write_text(re.sub("free_thresh: .*", "free_thresh: 0.25", text))
+    usual, nav2 = (
+        run_command(maps / f"a{end}.yaml", maps / f"b{end}.yaml", "--format", "json", "-o", tmp_path / "m")
+        for end in ("", "_nav2")
+    )
+    assert nav2.stdout == usual.stdout
+    merged = ros_map.read_map(tmp_path / "m.yaml")
+    assert merged.states_unknown
+
+
+def test_a_map_without_unknown_cells_is_no_evidence(maps: Path) -> None:
+    grid = ros_map.read(maps / "a.yaml")
+    ros_map.write(maps / "plan.yaml", replace(grid, free=~grid.occupied))
+    finished = run_command(maps / "plan.yaml", maps / "a.yaml")
+    assert finished.code == 3
+    first, second = finished.stderr.splitlines()
+    assert first.startswith(f"stitch: {maps / 'plan.yaml'}: no cell is unknown")
+    assert "free in both 0 m²" in second
+
+
+def test_the_image_beside_the_yaml_is_used_and_named(maps: Path) -> None:
+    text = (maps / "a.yaml").read_text()
+    (maps / "moved.yaml").write_text(text.replace("a.pgm", "/home/robot/maps/a.pgm"))
+    finished = run_command(maps / "moved.yaml", maps / "a.yaml")
+    assert finished.code == 0
+    assert "image /home/robot/maps/a.pgm is not there, a.pgm beside the yaml is used" in finished.stderr
 
 
 def test_other_methods_have_no_deviations(maps: Path) -> None:
