@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -29,13 +30,15 @@ Share = Annotated[float, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0]
 Limit = Annotated[float, "a number", lambda x: not math.isnan(x)]
 """Types of numbers: what `Checked` expects of them, in words and as a test."""
 
+_hints: Any = cache(get_type_hints)
+
 
 class Checked:
     """A configuration whose numbers are checked by their types: ``ValueError`` names the field and what was
     expected."""
 
     def __post_init__(self) -> None:
-        for name, hint in get_type_hints(type(self), include_extras=True).items():
+        for name, hint in _hints(type(self), include_extras=True).items():
             value = getattr(self, name)
             is_tuple = get_origin(hint) is tuple
             kind = get_args(hint)[0] if is_tuple else hint

@@ -13,8 +13,6 @@ from slam.mapping.submap import Submap
 from slam.se2 import Array
 from stitch.alignment.config import WallConfig
 
-DEFAULT = WallConfig()
-
 Window = tuple[slice, slice]
 
 
@@ -55,7 +53,7 @@ class Walls:
         return rasterise(self.points, self.grid, T, resolution, self.weights, self.facing)
 
 
-def walls_of(submap: Submap, resolution: float, config: WallConfig = DEFAULT) -> Walls:
+def walls_of(submap: Submap, resolution: float, config: WallConfig = WallConfig()) -> Walls:
     """Walls and free space of a submap.
 
     One point per cell of ``resolution`` m: the mean of the submap's points in it, so that no lattice shows in

@@ -33,10 +33,7 @@ class SurfaceConfig(Checked):
     """Variance across the wall over that along it, above which there is no direction."""
 
 
-DEFAULT = SurfaceConfig()
-
-
-def surfaces(grid: Grid, config: SurfaceConfig = DEFAULT) -> Scan:
+def surfaces(grid: Grid, config: SurfaceConfig = SurfaceConfig()) -> Scan:
     """Points on the surfaces of a grid's walls, in the grid's frame, as a laser would have left them.
 
     A surface cell becomes a point on the straight line through its neighbours (its centre where that would
