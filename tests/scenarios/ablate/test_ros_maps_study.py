@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scenarios.ablate.options import RosMapsOptions
 from scenarios.ablate.study import ros_maps
-from scenarios.ablate.study.ros_maps import ITSELF, ONE_PLACE, WITH_PRIOR, Options, run
+from scenarios.ablate.study.ros_maps import ITSELF, ONE_PLACE, WITH_PRIOR, run
 from slam.formats.ros_map import write
 from slam.mapping.occupancy import Grid
 
@@ -33,7 +34,7 @@ def test_every_pair_is_told_by_kind_and_place(tmp_path: Path, capsys: pytest.Cap
         (tmp_path / "ros_maps" / place).mkdir(parents=True, exist_ok=True)
         write(tmp_path / "ros_maps" / place / f"{name}.yaml", flat(doors))
     (tmp_path / "ros_maps" / "away" / "torn.yaml").write_text("image: nowhere.pgm\n")
-    run(Options(data=tmp_path, format="json"))
+    run(RosMapsOptions(data=tmp_path, format="json"))
     printed = capsys.readouterr()
     assert "not read: " in printed.err
     pairs = json.loads(printed.out)["pairs"]
@@ -42,12 +43,12 @@ def test_every_pair_is_told_by_kind_and_place(tmp_path: Path, capsys: pytest.Cap
         [ITSELF] * 3 + [ONE_PLACE, WITH_PRIOR] + ["different places"] * 2
     )
     assert all(pair["outcome"] == "right" for pair in pairs if pair["place"] == "home")
-    run(Options(data=tmp_path, places="home"))
+    run(RosMapsOptions(data=tmp_path, places="home"))
     assert WITH_PRIOR in capsys.readouterr().out
 
 
 def test_without_the_data_it_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(Options(data=tmp_path))
+    run(RosMapsOptions(data=tmp_path))
     assert capsys.readouterr().err == f"skipped: {tmp_path / 'ros_maps'} is absent\n"
 
 
