@@ -67,8 +67,9 @@ def write(recording: Recording, form: Format, path: Path) -> list[Path]:
 
     Raises ``ValueError`` for what the format cannot hold.
     """
-    from slam.formats import carmen, rosbag, usarsim
+    from slam.formats import carmen, usarsim
     from slam.formats import relations as relations_file
+    from slam.formats.rosbag import writer as rosbag
 
     if form == "rosbag":
         rosbag.write(path, recording)
