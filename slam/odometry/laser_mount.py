@@ -46,6 +46,8 @@ class LaserMountConfig:
     reckoning said."""
     cauchy: float = 2.0
     """Residuals of so many standard deviations count half."""
+    correlated: int = 2
+    """Steps whose errors may hang together: two in a row share the scan between them."""
     max_sigma: float = 0.01
     """Largest standard deviation [m] of a place that is believed: a drive that hardly turns knows none."""
     max_yaw_sigma: float = np.radians(1.0)
@@ -150,7 +152,7 @@ def estimate_mount(
     if moved_laser[:, 2] @ moved_robot[:, 2] < -0.5 * np.sum(moved_robot[:, 2] ** 2):
         return NoMount("the laser turns against the odometry: is it mounted upside down?")
     rows, sides = _equations(moved_laser, moved_robot)
-    solution, covariance = _solve(rows, sides, config.cauchy)
+    solution, covariance = _solve(rows, sides, config)
     scale, mount, covariance = _mount_of(solution, covariance)
     return _judged(scale, mount, covariance, config)
 
@@ -215,16 +217,33 @@ def _equations(moved_laser: Array, moved_robot: Array) -> tuple[Array, Array]:
     return rows, moved_laser[:, :2] - moved_robot[:, :2]
 
 
-def _solve(rows: Array, sides: Array, cauchy: float) -> tuple[Array, Array]:
-    """Solution ``(m,)`` and covariance ``(m, m)`` by least squares with a Cauchy weight per step."""
+def _solve(rows: Array, sides: Array, config: LaserMountConfig) -> tuple[Array, Array]:
+    """Solution ``(4,)`` by least squares with a Cauchy weight per step, and its covariance ``(4, 4)``: what
+    the residuals themselves say, whatever they are distributed like (the sandwich of an M-estimator)."""
     weight = np.ones(len(rows))
     for _ in range(ROUNDS):
-        normal = np.einsum("n,nij,nik->jk", weight, rows, rows) + RIDGE * np.eye(rows.shape[2])
+        normal = np.einsum("n,nij,nik->jk", weight, rows, rows) + RIDGE * np.eye(4)
         solution = np.linalg.solve(normal, np.einsum("n,nij,ni->j", weight, rows, sides))
         residual = sides - rows @ solution
         spread = max(1.4826 * float(np.median(np.abs(residual))), LEAST_SPREAD)
-        weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / (cauchy * spread) ** 2)
-    return solution, spread**2 * np.linalg.inv(normal)
+        square = np.sum(residual**2, axis=1) / (config.cauchy * spread) ** 2
+        weight = 1.0 / (1.0 + square)
+    pulls = np.einsum("n,nij,ni->nj", weight, rows, residual)
+    bent = pulls / (config.cauchy * spread)
+    curvature = np.einsum("n,nij,nik->jk", weight, rows, rows) - 2.0 * bent.T @ bent + RIDGE * np.eye(4)
+    inverse = np.linalg.inv(curvature)
+    noise = _long_run_covariance(pulls, config.correlated) + LEAST_SPREAD**2 * curvature
+    return solution, inverse @ noise @ inverse
+
+
+def _long_run_covariance(pulls: Array, lags: int) -> Array:
+    """Covariance ``(4, 4)`` of the sum of ``pulls (n, 4)``, each correlated with the ``lags`` next ones
+    (Newey & West 1987)."""
+    total = pulls.T @ pulls
+    for lag in range(1, lags + 1):
+        together = pulls[lag:].T @ pulls[:-lag]
+        total = total + (1.0 - lag / (lags + 1.0)) * (together + together.T)
+    return total
 
 
 def _mount_of(solution: Array, covariance: Array) -> tuple[float, Array, Array]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from slam.formats.rosbag.names import OLD_TF_TYPE
+from slam.formats.rosbag.names import OLD_TF_TYPE, TF_TYPE
 from slam.formats.text import File, FormatError
 
 HOW_TO_INSTALL = "a ROS bag needs the package rosbags: pip install 'slamstitch[ros]'"
@@ -87,6 +87,6 @@ def typestore(connections: Collection[Any] | None = None) -> Any:
         return get_typestore(Stores.ROS2_HUMBLE)
     types = get_typestore(Stores.ROS1_NOETIC)
     for connection in connections:
-        if connection.msgtype == OLD_TF_TYPE and OLD_TF_TYPE not in types.types:
+        if connection.msgtype in (TF_TYPE, OLD_TF_TYPE) and connection.msgtype not in types.types:
             types.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
     return types
