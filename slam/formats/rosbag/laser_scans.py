@@ -67,7 +67,8 @@ class LaserScans:
                 self._refuse(f"range_min is {low:g} and range_max {high:g}", "0 <= range_min < range_max")
         self.beams.append(self._beams_of(message))
         self.times.append(seconds(message.header.stamp))
-        self.rows.append(np.asarray(message.ranges, dtype=np.float64))
+        with np.errstate(invalid="ignore"):  # a signalling NaN is no return like any other
+            self.rows.append(np.asarray(message.ranges, dtype=np.float64))
         return True
 
     def _beams_of(self, message: Any) -> Beams:

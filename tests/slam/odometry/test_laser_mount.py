@@ -139,7 +139,7 @@ def test_small_steps_are_put_together() -> None:
 
 
 def test_what_the_match_did_not_see_does_not_count() -> None:
-    """Along a bare corridor a matcher repeats what dead reckoning said: any laser looks as if at the origin."""
+    """Along a bare corridor a matcher repeats what dead reckoning said: any laser looks centred."""
     recording, track = driven(T_ROBOT_LASER)
     track.information[:, 0, 0] = 1e-3
     assert "in 0 steps, expected 50" in why(laser_mount.estimate_mount(recording, track))
