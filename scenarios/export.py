@@ -59,10 +59,13 @@ def run(options: Options) -> None:
 
 def write(recording: Recording, form: Format, path: Path) -> list[Path]:
     """Write ``recording`` to ``path``; returns what was written: for CARMEN the relations too, where known.
-    Raises ``ValueError`` for what the format cannot hold."""
+
+    Raises ``ValueError`` for what the format cannot hold.
+    """
     from scenarios.evaluation.relations import clear_relations
-    from slam.formats import carmen, rosbag, usarsim
+    from slam.formats import carmen, usarsim
     from slam.formats import relations as relations_file
+    from slam.formats.rosbag import writer as rosbag
 
     {"rosbag": rosbag, "usarsim": usarsim, "carmen": carmen}[form].write(path, recording)
     known = clear_relations(recording) if form == "carmen" else None

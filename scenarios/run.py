@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 import sys
@@ -40,7 +41,7 @@ class Options:
 
     recording: Positional[Annotated[str, arg(metavar="NAME|LOG", help_behavior_hint="")]] = ""
     """A scenario (see --list), a ROS map (.yaml) to drive through, or a log: USARSim, CARMEN .log or .log.gz,
-    ROS 2 bag, recording.npz."""
+    ROS bag, recording.npz."""
     list: Annotated[bool, arg(help_behavior_hint="")] = False
     """Print the scenarios and why each exists."""
     seed: Annotated[int, arg(metavar="K")] = 0
@@ -60,6 +61,10 @@ class Options:
     laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
     """Laser in the robot's frame in m and rad, where a log does not tell; without, it is estimated from the
     drive, if there is odometry and no truth."""
+    topic: Annotated[str, arg(metavar="TOPIC", help_behavior_hint="")] = ""
+    """Which of a ROS bag's lasers to read, where it is not /scan or the first by name."""
+    odometry: Annotated[str, arg(metavar="TOPIC", help_behavior_hint="")] = ""
+    """Which odometry of a ROS bag, where it is not the first that moves: a topic, or /tf:FRAME."""
     dead_reckoning: Annotated[
         Literal["ins", "odometry"] | None, arg(metavar="ins|odometry", help_behavior_hint="")
     ] = None
@@ -132,6 +137,8 @@ def checked(options: Options) -> tuple[list[str], str]:
     simulates = is_scenario(options.recording)
     if simulates and (options.relations or options.laser_mount):
         raise InputError("--relations and --laser-mount are for logs: a scenario knows its own truth")
+    if simulates and (options.topic or options.odometry):
+        raise InputError("--topic and --odometry are for ROS bags")
     if options.dead_reckoning and not simulates:
         raise InputError("--dead-reckoning is for simulated robots: a log has what it has")
     if options.start and not (simulates and is_map(options.recording)):
@@ -193,24 +200,39 @@ def _obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
         stages.console.print(f"the drive ended: {found.settings['ending']}", style="dim", highlight=False)
         return found
     with stages.stage("read"):
-        found = source.logged(Path(options.recording), options.relations, options.laser_mount)
+        found = source.logged(
+            Path(options.recording), options.relations, options.laser_mount, options.topic, options.odometry
+        )
     tell_of_compilation(stages)
-    if options.no_dead_reckoning or not is_mount_unstated(found.recording):
-        return found
-    return _with_mount(found, config, stages)
+    if not options.no_dead_reckoning and is_mount_unstated(found.recording):
+        found = _with_mount(found, config, stages)
+    tell_what_was_taken(found.recording, stages)
+    return found
 
 
 def _with_mount(found: Source, config: MethodConfig, stages: Stages) -> Source:
     """The recording with its laser's mount estimated where nobody states it, which is told."""
     from scenarios import source
+    from slam.odometry.laser_mount import NoMount
 
     with stages.stage("mount"):
-        found, known = source.with_estimated_mount(found, config.slam)
-    if known is not None:
-        stages.console.print(
-            f"laser mount, estimated from the drive: {known} (--laser-mount states another)", highlight=False
-        )
+        found, mount = source.with_estimated_mount(found, config.slam)
+    text = f"laser mount, estimated from the drive: {mount} (--laser-mount states another)"
+    if isinstance(mount, NoMount):
+        text = f"laser mount taken at the robot's origin: {mount.reason} (--laser-mount states another)"
+    stages.console.print(text, highlight=False, soft_wrap=True)
     return found
+
+
+def tell_what_was_taken(recording: Recording, stages: Stages) -> None:
+    """In one line what was read of a log that holds more, and from where."""
+    if recording.notes:
+        (x, y), yaw = recording.laser.T_robot_laser[:2], math.degrees(recording.laser.T_robot_laser[2])
+        source = recording.laser.mount_source or "nobody states it"
+        mount = f"mount x {x:.3f} m, y {y:.3f} m, yaw {yaw:.1f}° ({source})"
+        laser, *others = recording.notes
+        text = "; ".join([laser, mount, *others])
+        stages.console.print(f"took {text}", highlight=False, soft_wrap=True)
 
 
 def tell_of_compilation(stages: Stages) -> None:

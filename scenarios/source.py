@@ -15,7 +15,7 @@ from slam.cli import InputError, Pose, nearest
 
 if TYPE_CHECKING:
     from sim.record import Buildable, DeadReckoning, SimulatedRun
-    from slam.odometry.laser_mount import Mount
+    from slam.odometry.laser_mount import Mount, NoMount
     from slam.recording import Recording
     from stitch.mapping.config import MappingConfig
     from stitch.mapping.estimate import Estimate
@@ -80,8 +80,12 @@ def _scenario(target: str, start: Pose | None) -> Buildable:
     return building
 
 
-def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
+def logged(
+    path: Path, relations: Path | None, mount: Pose | None, topic: str = "", odometry: str = ""
+) -> Source:
     """A recording from a log, with relations to score it against and the laser mount the user may know.
+
+    ``topic`` and ``odometry`` name what is read of a ROS bag.
 
     Answers of other systems are read where they lie beside the log. Raises `InputError` for files that cannot
     be read and for relations that match nothing.
@@ -92,12 +96,12 @@ def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
     from slam.formats import FormatError, load
 
     try:
-        recording = load(path, relations)
+        recording = load(path, relations, topic=topic, odometry=odometry)
         published = _published(path, len(recording))
     except FormatError as error:
         raise InputError(str(error)) from error
     if mount is not None:
-        recording = recording.with_laser_mount(np.array(mount))
+        recording = recording.with_laser_mount(np.array(mount), "--laser-mount")
     try:
         relation_pairs(recording)
     except ValueError as error:
@@ -105,24 +109,23 @@ def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
     return Source(recording, {}, published)
 
 
-def with_estimated_mount(found: Source, config: MappingConfig) -> tuple[Source, Mount | None]:
+def with_estimated_mount(found: Source, config: MappingConfig) -> tuple[Source, Mount | NoMount]:
     """A recording whose mount is unstated, with its laser where the drive itself says it is; and that mount.
 
-    Where it is, with None, where the drive tells of none. Published answers, made with the laser for
+    Where it is, with the reason, where the drive tells of none. Published answers, made with the laser for
     the robot, become the robot's.
     """
     from slam import se2
-    from stitch.mapping.offline import find_mount
+    from slam.odometry.laser_mount import Mount, find_mount
 
-    known = find_mount(found.recording, config)
-    if known is None:  # nothing needs to look again
-        return replace(
-            found, recording=found.recording.with_laser_mount(found.recording.laser.T_robot_laser)
-        ), None
-    T_laser_robot = se2.inverse(known.T_robot_laser)
+    mount = find_mount(found.recording, config.frontend, config.mount)
+    if not isinstance(mount, Mount):  # nothing needs to look again
+        at_origin = found.recording.laser.T_robot_laser
+        return replace(found, recording=found.recording.with_laser_mount(at_origin, mount.reason)), mount
+    T_laser_robot = se2.inverse(mount.T_robot_laser)
     published = [replace(peer, poses=se2.compose(peer.poses, T_laser_robot)) for peer in found.published]
-    recording = found.recording.with_laser_mount(known.T_robot_laser)
-    return replace(found, recording=recording, published=tuple(published)), known
+    recording = found.recording.with_laser_mount(mount.T_robot_laser, "the drive")
+    return replace(found, recording=recording, published=tuple(published)), mount
 
 
 def _published(path: Path, scans: int) -> tuple[Estimate, ...]:

@@ -18,14 +18,15 @@ Source = Literal["ins", "odometry", "none"]
 class Laser:
     """A planar laser: limits and noise in metres, mount ``T_robot_laser (3,)`` (m, m, rad).
 
-    ``mount_stated``: somebody says that it is mounted so, even if that is at the robot's origin.
+    ``mount_source`` names who says that it is mounted so, even if that is at the robot's origin; it is empty
+    where nobody does.
     """
 
     range_min: float = 0.1
     range_max: float = 20.0
     sigma_range: float = 0.01
     T_robot_laser: Array = field(default_factory=lambda: np.zeros(3))
-    mount_stated: bool = False
+    mount_source: str = ""
 
     def __post_init__(self) -> None:
         if not (self.range_min >= 0.0 and self.range_max > self.range_min):
@@ -33,6 +34,11 @@ class Laser:
         if not self.sigma_range > 0.0:
             raise ValueError(f"laser noise: expected sigma_range > 0, got {self.sigma_range}")
         object.__setattr__(self, "T_robot_laser", _checked("T_robot_laser", self.T_robot_laser, (3,)))
+
+    @property
+    def mount_stated(self) -> bool:
+        """Whether anybody says how it is mounted."""
+        return bool(self.mount_source)
 
 
 @dataclass(frozen=True)
@@ -78,6 +84,7 @@ class Recording:
     ``source="ins"`` position increments live in the INS's own world frame; with ``"odometry"`` in the
     body frame; with ``"none"`` there is no dead reckoning, and its poses are all the same. ``attitude
     (N, 2)`` is (roll, pitch) rad as the INS says, ``truth (N, 3)`` robot poses of a simulator or tracker.
+    ``notes`` tell what a reader took of a log that holds more, and what it left.
 
     Raises ``ValueError`` when shapes disagree or a value that must be finite is not.
     """
@@ -93,6 +100,7 @@ class Recording:
     attitude: Array | None = None
     truth: Array | None = None
     relations: Relations | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n, b = len(self.time), len(self.angles)
@@ -133,10 +141,10 @@ class Recording:
         """The same drive, to be scored against these relations."""
         return replace(self, relations=relations)
 
-    def with_laser_mount(self, T_robot_laser: Array) -> Recording:
-        """The same drive with its laser mounted as stated here."""
+    def with_laser_mount(self, T_robot_laser: Array, source: str = "stated") -> Recording:
+        """The same drive with its laser mounted as ``source`` says."""
         mount = np.asarray(T_robot_laser, dtype=float)
-        return replace(self, laser=replace(self.laser, T_robot_laser=mount, mount_stated=True))
+        return replace(self, laser=replace(self.laser, T_robot_laser=mount, mount_source=source))
 
 
 def _checked(name: str, value: object, shape: tuple[int, ...], finite: bool = True) -> Array:

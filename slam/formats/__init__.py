@@ -8,8 +8,11 @@ from os import PathLike
 
 import numpy as np
 
-from slam.formats import carmen, recording_npz, rosbag, usarsim
+from slam.formats import carmen, recording_npz, usarsim
 from slam.formats import relations as relations_file
+from slam.formats.rosbag import reader as rosbag_reader
+from slam.formats.rosbag import storage as rosbag_storage
+from slam.formats.rosbag import writer as rosbag_writer
 from slam.formats.text import File, FormatError
 from slam.recording import Recording
 
@@ -35,7 +38,7 @@ class Format:
 
 
 FORMATS = {
-    "rosbag": Format("a ROS 2 bag", rosbag.recognise, rosbag.read, rosbag.write),
+    "rosbag": Format("a ROS bag", rosbag_storage.recognise, rosbag_reader.read, rosbag_writer.write),
     "npz": Format("a recording.npz", recording_npz.recognise, recording_npz.read, recording_npz.write),
     "usarsim": Format("a USARSim log", usarsim.recognise, usarsim.read, usarsim.write),
     "carmen": Format("a CARMEN log", carmen.recognise, carmen.read, carmen.write),
@@ -44,17 +47,26 @@ FORMATS = {
 entry here; `tests/slam/formats/test_load.py` tries it on arrival."""
 
 
-def load(path: str | PathLike[str], relations: str | PathLike[str] | None = None) -> Recording:
+def load(
+    path: str | PathLike[str],
+    relations: str | PathLike[str] | None = None,
+    topic: str = "",
+    odometry: str = "",
+) -> Recording:
     """Read a recording in any of the `FORMATS`; logs may be gzipped.
 
-    Files are recognised by content, a bag by its folder's metadata.yaml or by its suffix, .db3 or .mcap.
+    Files are recognised by content, a bag by its folder's files or by its suffix, .db3, .mcap or .bag. In a
+    bag ``topic`` names the laser and ``odometry`` the dead reckoning.
 
     ``relations`` names a file of true relative poses to score the recording against. A log whose dead
     reckoning never changes while its scans do has none. Raises `FormatError`, one line naming file and line,
     for anything that cannot be read.
     """
-    file = File(path)
-    recording = _format_of(file).read(file)
+    file = File(path, topic=topic, odometry=odometry)
+    form = _format_of(file)
+    if (topic or odometry) and form is not FORMATS["rosbag"]:
+        raise FormatError(f"{form.title} has no topics, expected a ROS bag", path)
+    recording = form.read(file)
     if recording.source != "none" and dead_reckoning_is_stuck(recording):
         recording = recording.without_dead_reckoning()
     return recording if relations is None else recording.with_relations(relations_file.read(relations))

@@ -31,6 +31,7 @@ REQUIRED = (
     "T_robot_laser",
 )
 OPTIONAL = (
+    "mount_source",
     "mount_stated",
     "attitude",
     "truth",
@@ -92,7 +93,7 @@ def _arrays(recording: Recording) -> dict[str, object]:
         "T_robot_laser": laser.T_robot_laser,
         "attitude": recording.attitude,
         "truth": recording.truth,
-        "mount_stated": True if laser.mount_stated else None,
+        "mount_source": laser.mount_source or None,
     }
     if recording.odometry is not None:
         arrays["odometry_time"] = recording.odometry.time
@@ -115,6 +116,7 @@ def _load(data: bytes, path: Path) -> dict[str, np.ndarray]:
 def _recording(arrays: dict[str, np.ndarray]) -> Recording:
     low, high, sigma = arrays["laser_limits"].tolist()
     odometry = relations = None
+    mount_source = str(arrays.get("mount_source", "stated" if "mount_stated" in arrays else ""))
     if "odometry_time" in arrays:
         odometry = Odometry(arrays["odometry_time"], arrays["odometry_poses"], arrays["scan_row"])
     if "relation_stamps" in arrays:
@@ -124,7 +126,7 @@ def _recording(arrays: dict[str, np.ndarray]) -> Recording:
         time=arrays["time"],
         ranges=arrays["ranges"],
         angles=arrays["angles"],
-        laser=Laser(low, high, sigma, arrays["T_robot_laser"], "mount_stated" in arrays),
+        laser=Laser(low, high, sigma, arrays["T_robot_laser"], mount_source),
         dead_reckoning=arrays["dead_reckoning"],
         source=str(arrays["source"]),  # type: ignore[arg-type]  # checked by Recording
         odometry=odometry,

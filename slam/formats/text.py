@@ -33,10 +33,16 @@ class FormatError(ValueError):
 
 
 class File:
-    """A file that is read at most once, when its content is first asked for; given ``data``, never."""
+    """A file that is read at most once, when its content is first asked for; given ``data``, never.
 
-    def __init__(self, path: str | PathLike[str], data: bytes | None = None) -> None:
+    Of a ROS bag the user may name the laser's ``topic`` and the ``odometry``.
+    """
+
+    def __init__(
+        self, path: str | PathLike[str], data: bytes | None = None, topic: str = "", odometry: str = ""
+    ) -> None:
         self.path = Path(path)
+        self.topic, self.odometry = topic, odometry
         if data is not None:
             self.__dict__["data"] = data
 
@@ -156,6 +162,6 @@ def printable_ranges(ranges: Array, laser: Laser, decimals: int) -> Array:
 def recording_name(path: Path) -> str:
     """``intel.raw`` for ``intel.raw.log.gz``."""
     name = path.name
-    for suffix in (".gz", ".log", ".txt", ".npz", ".db3", ".mcap"):
+    for suffix in (".gz", ".log", ".txt", ".npz", ".db3", ".mcap", ".bag"):
         name = name.removesuffix(suffix)
     return name or path.name

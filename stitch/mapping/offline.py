@@ -12,7 +12,7 @@ from slam.graph.odometry_factors import odometry_graph
 from slam.mapping import keyframes
 from slam.odometry.dead_reckoning import DeadReckoning
 from slam.odometry.ego_motion_filter import remove_co_moving_points
-from slam.odometry.laser_mount import Mount, estimate_mount, is_mount_unstated
+from slam.odometry.laser_mount import Mount, find_mount
 from slam.odometry.segmentation import Segment, segments
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import track
@@ -39,23 +39,18 @@ def map_recording(
     The laser's mount is estimated where nobody states it. Without dead reckoning a map that knows it is lost
     is refused: `NoEstimate` says why. ``revise`` is for ablations: what it makes of the closed loops counts.
     """
-    mount = find_mount(recording, config)
-    if mount is not None:
-        recording = recording.with_laser_mount(mount.T_robot_laser)
+    mount = find_mount(recording, config.frontend, config.mount)
+    if isinstance(mount, Mount):
+        recording = recording.with_laser_mount(mount.T_robot_laser, "the drive")
     scans = scans_of(recording, config.frontend.scan)
     scans = remove_co_moving_points(recording, scans, config.ego_motion_filter)
     tracked = track(recording, config.frontend, scans)
     stitch = partial(align, config=config.loops.align)
     estimate = build_map(recording, scans, tracked, config, stitch, revise)
     reason = rejection_reason(estimate, config.rejection) if recording.source == "none" else None
-    return NoEstimate("slamstitch", reason) if reason else replace(estimate, laser_mount=mount)
-
-
-def find_mount(recording: Recording, config: MappingConfig = MappingConfig()) -> Mount | None:
-    """Where the drive says that its laser sits; None where that is stated, or the drive does not tell."""
-    if not (config.mount.estimate and is_mount_unstated(recording)):
-        return None
-    return estimate_mount(recording, track(recording, config.frontend), config.mount)
+    if reason:
+        return NoEstimate("slamstitch", reason)
+    return replace(estimate, laser_mount=mount if isinstance(mount, Mount) else None)
 
 
 def build_map(

@@ -23,6 +23,7 @@ from slam.matching import Reference
 from slam.measurements import MeasurementLog
 from slam.odometry.dead_reckoning import DeadReckoning
 from slam.odometry.ego_motion_filter import filter_scan
+from slam.odometry.laser_mount import Mount, find_mount
 from slam.odometry.segmentation import lost_steps
 from slam.odometry.tilt import TiltDetector
 from slam.odometry.track import Verdict
@@ -35,7 +36,6 @@ from stitch.mapping.bundle import match_keyframe, partners
 from stitch.mapping.config import MappingConfig
 from stitch.mapping.estimate import Estimate, LoopCandidate, NoEstimate, OnlineResult, rejection_reason
 from stitch.mapping.loop_closure import Stitcher, gate_by_belief
-from stitch.mapping.offline import find_mount
 from stitch.mapping.submap_graph import SubmapGraph, with_weights
 
 
@@ -71,9 +71,9 @@ def replay_online(recording: Recording, config: MappingConfig = MappingConfig())
     The laser's mount is found, and a map that knows it is lost refused, as in `map_recording`. Stamps that go
     backwards, as some logs' do, are held at the last one's.
     """
-    mount = find_mount(recording, config)
-    if mount is not None:
-        recording = recording.with_laser_mount(mount.T_robot_laser)
+    mount = find_mount(recording, config.frontend, config.mount)
+    if isinstance(mount, Mount):
+        recording = recording.with_laser_mount(mount.T_robot_laser, "the drive")
     mapper = OnlineMapper(recording.laser, recording.angles, config, recording.source)
     stamps = np.maximum.accumulate(recording.time)
     poses, seconds = np.zeros((len(recording), 3)), np.zeros(len(recording))
@@ -83,7 +83,8 @@ def replay_online(recording: Recording, config: MappingConfig = MappingConfig())
         arrived = clock.perf_counter()
         poses[k] = mapper.process(recording.ranges[k], stamps[k], dead_reckoning, attitude).pose
         seconds[k] = clock.perf_counter() - arrived
-    estimate = replace(mapper.estimate(), online=OnlineResult(poses, seconds), laser_mount=mount)
+    found = mount if isinstance(mount, Mount) else None
+    estimate = replace(mapper.estimate(), online=OnlineResult(poses, seconds), laser_mount=found)
     reason = rejection_reason(estimate, config.rejection) if recording.source == "none" else None
     return NoEstimate(estimate.method, reason) if reason else estimate
 

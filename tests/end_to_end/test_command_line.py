@@ -43,7 +43,7 @@ def test_help_names_every_option():
     assert (finished.returncode, finished.stderr) == (0, "")
     for option in (
         "NAME|LOG", "--list", "--seed K", "--methods A,B,…", "--out DIR", "--format {table,json}",
-        "--relations FILE", "--laser-mount X Y YAW",
+        "--relations FILE", "--laser-mount X Y YAW", "--topic TOPIC", "--odometry TOPIC",
     ):  # fmt: skip
         assert option in finished.stdout
     assert "--no-list" not in finished.stdout
@@ -116,3 +116,28 @@ def test_a_laser_mount_may_come_before_or_after_the_log(mount, command, drive, t
     for out in ("a", "b"):
         laser = load(tmp_path / out / "latest" / "recording.npz").laser
         assert laser.T_robot_laser.tolist() == [float(word) for word in mount]
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_one_line_says_what_of_a_bag_was_taken(command, drive, tmp_path):
+    pytest.importorskip("rosbags")
+    from slam.formats import load
+    from slam.formats.rosbag import writer
+
+    recording = load(drive)
+    writer.write(tmp_path / "bag", recording)
+    finished = command(tmp_path / "bag", "--methods", "ins", "--out", tmp_path / "runs")
+    assert finished.code == 0
+    (line,) = (line for line in finished.stderr.splitlines() if line.startswith("took "))
+    x, y, _ = recording.laser.T_robot_laser
+    for part in (
+        f"laser /scan, {len(recording.angles)} beams over ",
+        f"mount x {x:.3f} m, y {y:.3f} m, yaw ",
+        "(/tf_static); odometry /",
+        f"; {len(recording)} scans, none dropped",
+    ):
+        assert part in line
+    refused = command(tmp_path / "bag", "--topic", "/rear", "--out", tmp_path / "runs")
+    assert (refused.code, refused.stderr.count("\n")) == (2, 1)
+    assert "no laser '/rear', expected one of those in the bag: /scan" in refused.stderr
+    assert command("hospital", "--topic", "/rear", "--out", tmp_path / "runs").code == 2

@@ -106,7 +106,7 @@ def test_relations_come_along(tmp_path: Path) -> None:
         (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "binary data, expected text"),
         (
             bytes(range(1, 256)) * 4,
-            "not a recording: expected a ROS 2 bag, a recording.npz, a USARSim log or a CARMEN log",
+            "not a recording: expected a ROS bag, a recording.npz, a USARSim log or a CARMEN log",
         ),
         (USARSIM.encode() + b"\0\0", ":4: binary data, expected text"),
         (gzip.compress(CARMEN.encode())[:-20], "torn gzip file"),
