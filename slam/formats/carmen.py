@@ -117,7 +117,7 @@ def read(source: File | str | PathLike[str]) -> Recording:
     if len(present) > 1:
         others = ", ".join(name for name in LASERS if name in present and name != log.laser)
         notes.append(f"{log.laser} read, {others} left out")
-    return Recording(
+    recording = Recording(
         name=recording_name(path),
         time=time,
         ranges=ranges,
@@ -130,6 +130,9 @@ def read(source: File | str | PathLike[str]) -> Recording:
         truth=log.truth.at_scans(time) if log.truth.times else None,
         notes=tuple(notes),
     ).with_scans(kept)
+    if log.mount and not _has_poses(log):  # the poses would have told
+        recording = recording.with_laser_mount(np.array([log.mount.get(name, 0.0) for name in MOUNT]))
+    return recording
 
 
 def _has_poses(log: _Log) -> bool:
@@ -320,22 +323,20 @@ def _laser(log: _Log) -> Laser:
     if not 0.0 <= log.range_min < range_max:
         message = f"smallest range {log.range_min:g}, largest {range_max:g}, expected 0 <= smallest < largest"
         raise FormatError(message, log.path)
-    mount, stated = _mount(log)
-    return Laser(log.range_min, range_max, sigma, T_robot_laser=mount, mount_stated=stated)
+    return Laser(log.range_min, range_max, sigma, _mount(log))
 
 
-def _mount(log: _Log) -> tuple[Array, bool]:
-    """What separates laser and robot pose, where that stays constant; without poses what PARAM says. And
-    whether somebody said it, though it is the origin."""
+def _mount(log: _Log) -> Array:
+    """What separates laser and robot pose, where that stays constant; zero without poses."""
     if not _has_poses(log):
-        return np.array([log.mount.get(name, 0.0) for name in MOUNT]), bool(log.mount)
+        return np.zeros(3)
     scans = np.array(log.scans)
     T_robot_laser = se2.between(scans[:, 4:7], scans[:, 1:4])
     mount = T_robot_laser[0]
     spread = np.abs(se2.between(mount, T_robot_laser)).max()
     if spread > MOUNT_TOLERANCE or np.abs(mount).max() < MOUNT_TOLERANCE:
         mount = np.zeros(3)
-    return mount, False
+    return mount
 
 
 def _angles(log: _Log, ranges: Array, poses: Array, stated: float | None) -> tuple[Array, list[str]]:

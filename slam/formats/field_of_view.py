@@ -17,7 +17,9 @@ that tell something."""
 TURN = np.radians((2.0, 45.0))
 """Least and most turn [rad] between two scans that are compared."""
 DECISIVE = 0.5
-"""Share of another field of view's misfit that the better one may have to be believed."""
+"""Share of the usual field of view's misfit that another may have to be believed."""
+BESIDE = (0.9, 1.1)
+"""Where nothing is usual, the best is believed if these multiples of it fit worse."""
 
 
 def angles(beams: int, degrees: float) -> Array:
@@ -26,8 +28,8 @@ def angles(beams: int, degrees: float) -> Array:
     The last beam of an odd number is as far to the left. An even number ends one step before: Intel's map
     (180 beams, 180°) is sharpest so, and a full turn has its first beam only once.
     """
-    step = np.radians(degrees) / max(beams - beams % 2, 1)
-    return -0.5 * np.radians(degrees) + step * np.arange(beams)
+    step = degrees / max(beams - beams % 2, 1)
+    return np.deg2rad(-0.5 * degrees + step * np.arange(beams, dtype=np.float64))
 
 
 def field_of_view(ranges: Array, poses: Array) -> tuple[float, bool] | None:
@@ -37,32 +39,28 @@ def field_of_view(ranges: Array, poses: Array) -> tuple[float, bool] | None:
     turned. None where neither the scans nor the number of beams tell.
     """
     usual = USUAL.get(ranges.shape[1])
-    misfit = _misfits(ranges, poses)
-    if misfit:
-        best = min(misfit, key=misfit.__getitem__)
-        others = [usual] if usual else [degrees for degrees in CANDIDATES if degrees != best]
-        if best == usual or all(misfit[best] < DECISIVE * misfit[other] for other in others):
+    step = se2.between(poses[:-1], poses[1:])
+    pairs = _telling(step)
+    if len(pairs) >= LEAST_PAIRS and ranges.shape[1] > 3:
+
+        def misfit(degrees: float) -> float:
+            each = [_misfit(ranges[k : k + 2], step[k], degrees) for k in pairs]
+            return float(np.median(each))
+
+        misfits = {degrees: misfit(degrees) for degrees in CANDIDATES}
+        best = min(misfits, key=misfits.__getitem__)
+        beside = [misfit(share * best) for share in BESIDE if usual is None and share * best <= 360.0]
+        limit = min(beside) if usual is None else DECISIVE * misfits[usual]
+        if best == usual or misfits[best] < limit:
             return best, True
     return None if usual is None else (usual, False)
 
 
-def _misfits(ranges: Array, poses: Array) -> dict[int, float]:
-    """Median difference [m] between a scan and what the one before it predicts, for each candidate.
-
-    Empty where too few pairs of scans tell.
-    """
-    step = se2.between(poses[:-1], poses[1:])
+def _telling(step: Array) -> np.ndarray:
+    """Indices of the steps ``(N − 1, 3)`` that turn most for their way, at most `PAIRS`."""
     turn, way = np.abs(step[:, 2]), np.hypot(step[:, 0], step[:, 1])
-    pairs = np.flatnonzero((turn > TURN[0]) & (turn < TURN[1]))
-    pairs = pairs[np.argsort(way[pairs] / turn[pairs], kind="stable")][:PAIRS]
-    if len(pairs) < LEAST_PAIRS or ranges.shape[1] < 4:
-        return {}
-    misfits = {c: np.nanmedian([_misfit(ranges[k : k + 2], step[k], c) for k in pairs]) for c in CANDIDATES}
-    return (
-        {c: float(misfit) for c, misfit in misfits.items()}
-        if np.isfinite(list(misfits.values())).all()
-        else {}
-    )
+    steps = np.flatnonzero((turn > TURN[0]) & (turn < TURN[1]))
+    return steps[np.argsort(way[steps] / turn[steps], kind="stable")][:PAIRS]
 
 
 def _misfit(pair: Array, step: Array, degrees: float) -> float:
@@ -78,4 +76,4 @@ def _misfit(pair: Array, step: Array, degrees: float) -> float:
     inside = beam < beams
     away = np.abs(np.hypot(*moved[inside].T) - pair[1, beam[inside]])
     away = away[np.isfinite(away)]
-    return float(np.median(away)) if len(away) > beams // 4 else np.nan
+    return float(np.median(away)) if len(away) > beams // 4 else np.inf

@@ -208,9 +208,9 @@ def test_a_single_scan_of_other_beams_is_left_out() -> None:
     assert recording.notes[-1] == "1 of 12 scans left out: another number of beams"
 
 
-XX
-
-
+@pytest.mark.parametrize(
+    ("beams", "degrees"), [(181, 180), (360, 180), (360, 360), (180, 360), (541, 270), (301, 240)]
+)
 def test_the_field_of_view_is_the_one_with_which_scans_fit(
     room: Array, record: Callable[..., Recording], curve: Callable[..., Array], beams: int, degrees: int
 ) -> None:
@@ -224,6 +224,13 @@ def test_the_field_of_view_is_the_one_with_which_scans_fit(
     recording = parse("".join(lines))
     np.testing.assert_allclose(recording.angles, angles)
     assert "as one scan fits the next" in recording.notes[0]
+
+
+def test_no_field_of_view_is_made_up_for_an_unusual_laser(
+    room: Array, record: Callable[..., Recording], curve: Callable[..., Array]
+) -> None:
+    drive = record(room, curve(), angles=field_of_view.angles(301, 210))
+    assert field_of_view.field_of_view(drive.ranges, drive.dead_reckoning) is None
 
 
 def test_a_stated_field_of_view_comes_first(tmp_path: Path) -> None:
