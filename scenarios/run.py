@@ -40,8 +40,8 @@ class Options:
     """
 
     recording: Positional[Annotated[str, arg(metavar="NAME|LOG", help_behavior_hint="")]] = ""
-    """A scenario (see --list), a ROS map (.yaml) to drive through, or a log: USARSim, CARMEN .log or .log.gz,
-    ROS 2 bag, recording.npz."""
+    """A scenario (see --list), a ROS map (.yaml) to drive through, or a log: USARSim or CARMEN (.log, or
+    compressed: .gz, .bz2, .xz, .zst), ROS bag, recording.npz."""
     list: Annotated[bool, arg(help_behavior_hint="")] = False
     """Print the scenarios and why each exists."""
     seed: Annotated[int, arg(metavar="K")] = 0
@@ -61,6 +61,8 @@ class Options:
     laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
     """Laser in the robot's frame in m and rad, where a log does not tell; without, it is estimated from the
     drive, if there is odometry and no truth."""
+    field_of_view: Annotated[float | None, arg(metavar="DEG", help_behavior_hint="")] = None
+    """What the laser spans, where a text log does not tell; without, what makes one scan fit the next."""
     dead_reckoning: Annotated[
         Literal["ins", "odometry"] | None, arg(metavar="ins|odometry", help_behavior_hint="")
     ] = None
@@ -102,6 +104,8 @@ def run(options: Options) -> None:
     from scenarios.run_folder.write import write_run
     from scenarios.stages import Stages
 
+    mark = options.recording if options.recording in CATALOGUE else directory.fingerprint(options.recording)
+    name = directory.vacant_name(options.out, name, mark)
     directory.check(options.out, name)
     config, stages = configure(options), Stages(Console(stderr=True))
     source = obtain(options, config, stages)
@@ -110,7 +114,7 @@ def run(options: Options) -> None:
     with stages.stage("evaluate"):
         metrics = evaluate(source.recording, [*answers, *source.published])
         metrics += costs(answers, source.recording, stages)
-    result = described(options, config, source, estimates, metrics)
+    result = described(options, config, source, estimates, metrics, mark)
     with directory.prepare(options.out, name) as folder:
         with stages.stage("report"):
             write_run(folder.temporary, result)
@@ -132,12 +136,25 @@ def checked(options: Options) -> tuple[list[str], str]:
     simulates = is_scenario(options.recording)
     if simulates and (options.relations or options.laser_mount):
         raise InputError("--relations and --laser-mount are for logs: a scenario knows its own truth")
+    if options.field_of_view is not None:
+        if simulates:
+            raise InputError("--field-of-view is for logs: a scenario knows its own laser")
+        if not 0.0 < options.field_of_view <= 360.0:
+            raise InputError(f"--field-of-view: expected degrees up to 360, got {options.field_of_view:g}")
     if options.dead_reckoning and not simulates:
         raise InputError("--dead-reckoning is for simulated robots: a log has what it has")
     if options.start and not (simulates and is_map(options.recording)):
         raise InputError("--start is for ROS maps: scenarios and logs have a start of their own")
-    name = Path(options.recording).name.split(".")[0]
-    return methods, f"{name}-seed{options.seed}"
+    return methods, f"{run_name(options.recording)}-seed{options.seed}"
+
+
+def run_name(target: str) -> str:
+    """``drive.2024`` for ``logs/drive.2024.log.gz``: all that tells recordings of one folder apart."""
+    from scenarios.source import MAP_SUFFIXES
+    from slam.formats.text import recording_name
+
+    path = Path(target)
+    return path.stem if path.suffix in MAP_SUFFIXES else recording_name(path).removesuffix(".raw")
 
 
 def configure(options: Options) -> MethodConfig:
@@ -172,6 +189,8 @@ def obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
     found = _obtain(options, config, stages)
     if options.no_dead_reckoning:
         found = replace(found, recording=found.recording.without_dead_reckoning())
+    for note in found.recording.notes:
+        stages.console.print(note, highlight=False)
     if found.recording.source == "none":
         why = (
             "--no-dead-reckoning"
@@ -193,7 +212,9 @@ def _obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
         stages.console.print(f"the drive ended: {found.settings['ending']}", style="dim", highlight=False)
         return found
     with stages.stage("read"):
-        found = source.logged(Path(options.recording), options.relations, options.laser_mount)
+        found = source.logged(
+            Path(options.recording), options.relations, options.laser_mount, options.field_of_view
+        )
     tell_of_compilation(stages)
     if options.no_dead_reckoning or not is_mount_unstated(found.recording):
         return found
@@ -265,7 +286,12 @@ def costs(answers: Sequence[Estimate | NoEstimate], recording: Recording, stages
 
 
 def described(
-    options: Options, config: MethodConfig, source: Source, estimates: list[Estimate], metrics: list[Metric]
+    options: Options,
+    config: MethodConfig,
+    source: Source,
+    estimates: list[Estimate],
+    metrics: list[Metric],
+    fingerprint: str,
 ) -> Run:
     """The run with what it takes to make it again: the command line, every parameter, and the versions."""
     from scenarios.environment import environment
@@ -274,6 +300,7 @@ def described(
     asked = {
         "command": shlex.join(["python", "-m", COMMAND, *sys.argv[1:]]),
         "options": asdict(options),
+        "fingerprint": fingerprint,
         "scenario": source.settings,
         "methods": config,
     }

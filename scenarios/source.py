@@ -76,8 +76,11 @@ def _scenario(target: str, start: Pose | None) -> Buildable:
     return MappedBuilding(Path(target), start)
 
 
-def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
-    """A recording from a log, with relations to score it against and the laser mount the user may know.
+def logged(
+    path: Path, relations: Path | None, mount: Pose | None, field_of_view: float | None = None
+) -> Source:
+    """A recording from a log, with relations to score it against, and the laser mount and field of view
+    [degrees] that the user may know.
 
     Answers of other systems are read where they lie beside the log. Raises `InputError` for files that cannot
     be read and for relations that match nothing.
@@ -88,7 +91,7 @@ def logged(path: Path, relations: Path | None, mount: Pose | None) -> Source:
     from slam.formats import FormatError, load
 
     try:
-        recording = load(path, relations)
+        recording = load(path, relations, field_of_view)
         published = _published(path, len(recording))
     except FormatError as error:
         raise InputError(str(error)) from error
@@ -124,11 +127,12 @@ def with_estimated_mount(found: Source, config: MappingConfig) -> tuple[Source, 
 def _published(path: Path, scans: int) -> tuple[Estimate, ...]:
     """Other systems' answers beside a log: for ``intel.raw.log.gz`` there is ``intel.gmapping_ref.txt``."""
     from slam.formats import peer
+    from slam.formats.text import recording_name
     from stitch.mapping.estimate import Estimate
 
-    stem = glob.escape(path.name.split(".")[0])
-    files = sorted(path.parent.glob(f"{stem}.*_ref.txt"))
-    names = [file.name.split(".")[1].removesuffix("_ref") for file in files]
+    stem = recording_name(path).removesuffix(".raw")
+    files = sorted(path.parent.glob(f"{glob.escape(stem)}.*_ref.txt"))
+    names = [file.name.removeprefix(f"{stem}.").removesuffix("_ref.txt") for file in files]
     return tuple(
         Estimate(f"{name} (published)", peer.read(file, scans))
         for name, file in zip(names, files, strict=True)

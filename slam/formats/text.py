@@ -25,6 +25,8 @@ BYTE_ORDER_MARKS = {
 """First bytes of text files from Windows → their encoding."""
 NOT_FINITE = re.compile(r"[-+]?(1\.#\w+|s?nan(\(\w*\))?)", re.IGNORECASE)
 """How C libraries print what is not a finite number, where Python does not read it: 1.#INF, -nan(ind)."""
+CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+"""Bytes that are in no text."""
 ODD_SCANS = 0.1
 """Share of the scans that may have another number of beams; they are left out."""
 LARGEST = 1e30
@@ -92,7 +94,7 @@ class File:
             return FormatError(kind, self.path)
         line = self.data.count(b"\n", 0, nul) + 1
         message = "a zero byte, expected text: was the log cut off? remove what follows"
-        if line == 1:
+        if line == 1 or CONTROL.search(self.data, 0, nul):
             return FormatError("not text, and of no kind that is known here", self.path)
         return FormatError(message, self.path, line)
 
