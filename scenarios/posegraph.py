@@ -5,11 +5,14 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from slam.cli import InputError, main
+
+if TYPE_CHECKING:
+    from slam.graph.pose_graph import PoseGraph, Solution
 
 COMMAND = "scenarios.posegraph"
 
@@ -29,18 +32,12 @@ class Options:
 
 def run(options: Options) -> None:
     """Read, optimise, tell, and write."""
-    from slam.formats import FormatError, g2o
-    from slam.graph.pose_graph import anchors, chi_squared, optimise
+    from slam.formats import g2o
+    from slam.graph.pose_graph import anchors, chi_squared
 
     if options.out is not None and not options.out.parent.is_dir():
         raise InputError(f"--out {options.out}: {options.out.parent} is no folder")
-    try:
-        graph = g2o.read(options.graph)
-        solution = optimise(graph, "none")
-    except FormatError as error:
-        raise InputError(str(error)) from error
-    except ValueError as error:
-        raise InputError(f"{options.graph}: {error}") from error
+    graph, solution = solve(options.graph)
     before, after = (chi_squared(graph, poses).sum() for poses in (graph.poses, solution.poses))
     print(f"{len(graph.poses)} poses, {len(graph.edges)} edges: chi-squared {before:.6g} -> {after:.6g}")
     if solution.note:
@@ -53,6 +50,20 @@ def run(options: Options) -> None:
         except OSError as error:
             raise InputError(f"--out {options.out}: cannot be written: {error.strerror}") from error
         print(options.out)
+
+
+def solve(path: Path) -> tuple[PoseGraph, Solution]:
+    """The graph in a file, and its poses optimised. Raises `InputError`."""
+    from slam.formats import FormatError, g2o
+    from slam.graph.pose_graph import optimise
+
+    try:
+        graph = g2o.read(path)
+        return graph, optimise(graph, "none")
+    except FormatError as error:
+        raise InputError(str(error)) from error
+    except (ValueError, RuntimeError) as error:  # gtsam's exceptions become RuntimeErrors
+        raise InputError(f"{path}: {error}") from error
 
 
 if __name__ == "__main__":

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -17,6 +17,7 @@ from scenarios.options import check_seed
 from slam.cli import InputError, main, nearest
 
 COMMAND = "scenarios.bench"
+FUZZ = "fuzz"
 
 
 @dataclass(frozen=True)
@@ -25,19 +26,22 @@ class Options:
 
     The best repetition is what the code can do; how far the others are from it is what else the machine did.
     matching: also success, honesty and accuracy of scan matchers, beside others (extra [peers]) if installed.
+    fuzz: damaged files of every format, on all cores; exit code 1 where one is neither read nor refused.
     """
 
     name: Positional[Annotated[str, arg(metavar="|".join(BENCHES), help_behavior_hint="")]] = ""
-    """Which bench to run; all without a name."""
+    """Which bench to run; without a name all but fuzz."""
     format: Literal["table", "json"] = "table"
     """What is printed on stdout; json has everything that was measured."""
     pairs: Annotated[int, arg(metavar="N")] = 300
     """matching: pairs of scans of each kind, simulated and from each log."""
     seed: Annotated[int, arg(metavar="K")] = 0
-    """matching: what the pairs, their noise and the guesses are drawn from."""
+    """matching: what the pairs, their noise and the guesses are drawn from; fuzz: what the damage is."""
     data: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")] = None
     """matching: folder of the real recordings (carmen/intel.raw.log.gz, usarsim/iro2012-pre2/Robot1.log),
     by default ../shared/data beside the checkout. What is not there is left out."""
+    files: Annotated[int, arg(metavar="N")] = 100_000
+    """fuzz: how many files are damaged."""
 
 
 def run(options: Options) -> None:
@@ -50,15 +54,17 @@ def run(options: Options) -> None:
     from scenarios.environment import environment
     from scenarios.stages import Stages
 
-    chosen = BenchmarkOptions(options.pairs, options.seed, options.data or DATA_FOLDER)
-    names = [options.name] if options.name else BENCHES
-    with one_core():
+    chosen = BenchmarkOptions(options.pairs, options.seed, options.data or DATA_FOLDER, options.files)
+    names = [options.name] if options.name else [name for name in BENCHES if name != FUZZ]
+    with contextlib.nullcontext() if options.name == FUZZ else one_core():
         results = {name: bench(name)(Stages(Console(stderr=True)), chosen) for name in names}
     if options.format == "json":
         print(results_json(results, environment()))
-        return
-    for name, result in results.items():
-        print_result(name, result, environment())
+    else:
+        for name, result in results.items():
+            print_result(name, result, environment())
+    if any(result.failures for result in results.values()):
+        raise SystemExit(1)
 
 
 def _check(options: Options) -> None:
@@ -66,12 +72,14 @@ def _check(options: Options) -> None:
         raise InputError(f"unknown bench {options.name!r}: {nearest(options.name, BENCHES)}")
     if options.pairs < 1:
         raise InputError(f"--pairs: expected 1 or more, got {options.pairs}")
+    if options.files < 1:
+        raise InputError(f"--files: expected 1 or more, got {options.files}")
     check_seed(options.seed)
     if options.data is not None and not options.data.is_dir():
         raise InputError(f"--data: expected a folder, got {options.data}")
 
 
-@contextmanager
+@contextlib.contextmanager
 def one_core() -> Iterator[None]:
     """Keep this process on one core, where the system lets it."""
     if not hasattr(os, "sched_setaffinity"):

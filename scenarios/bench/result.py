@@ -28,6 +28,8 @@ class BenchmarkOptions:
     """What pairs, noise and guesses are drawn from."""
     data: Path = DATA_FOLDER
     """Folder of the real recordings."""
+    files: int = 100_000
+    """Files that are damaged."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +54,14 @@ class Figure:
 @dataclass(frozen=True)
 class BenchmarkResult:
     """``figures`` with their repetitions; ``tables`` for the console, made from ``records`` by topic; and
-    ``notes``: what the figures stand for, and what is left out and why."""
+    ``notes``: what the figures stand for, and what is left out and why. ``failures`` counts what must not
+    happen."""
 
     figures: Sequence[Figure] = ()
     tables: Sequence[Table] = ()
     records: Mapping[str, Sequence[Mapping[str, object]]] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    failures: int = 0
 
 
 def time_calls(calls: Mapping[str, Call], repetitions: int) -> dict[str, tuple[float, ...]]:
