@@ -123,6 +123,8 @@ def _entries(path: Path) -> dict[str, Any]:
         mark = getattr(error, "problem_mark", None)
         line = None if mark is None else mark.line + 1
         raise FormatError(f"not yaml: {getattr(error, 'problem', error)}", path, line) from None
+    except RecursionError:
+        raise FormatError("nested too deeply, expected the keys of a map_server map", path) from None
     if not isinstance(entries, dict):
         raise FormatError("not a map, expected yaml with image, resolution and origin", path)
     return entries

@@ -51,7 +51,7 @@ def samples(folder: Path) -> dict[str, Sample]:
     made["carmen, others"] = Sample({"a.log": (log + raw).encode()}, "a.log", load)
     zstd = import_module(ZSTD)
     for packing, compress in {"gz": gzip, "bz2": bz2, "xz": lzma, "zst": zstd}.items():
-        content = compress.compress(log.encode())  # type: ignore[attr-defined]
+        content = compress.compress(log.encode())
         made[f"log.{packing}"] = Sample({f"a.log.{packing}": content}, f"a.log.{packing}", load)
     return made | _others(folder)
 
@@ -103,9 +103,7 @@ def _others(folder: Path) -> dict[str, Sample]:
     edges = [line for line in (folder / "a.g2o").read_bytes().splitlines(keepends=True) if b"EDGE" in line]
     tum.write(folder / "a.tum", drive.time, drive.dead_reckoning)
     relations.write(folder / "a.relations", Relations(np.array([[1.0, 2.0]] * 3), np.ones((3, 3))))
-    answer = "".join(
-        f"{t} {x} {y} {yaw} {t}\n" for t, (x, y, yaw) in zip(drive.time, drive.dead_reckoning, strict=True)
-    )
+    answer = "".join(f"{k} {x} {y} {yaw}\n" for k, (x, y, yaw) in enumerate(drive.dead_reckoning))
     return {
         "ROS map, pgm": Sample(pgm, "a.yaml", ros_map.read_cells),
         "ROS map, png": Sample(png, "a.yaml", ros_map.read_cells),

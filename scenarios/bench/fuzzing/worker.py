@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import shutil
 import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnContext
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ import numpy as np
 from scenarios.bench.fuzzing.mutations import MUTATIONS
 from scenarios.bench.fuzzing.samples import Sample, samples
 
+Make = Callable[[Path], dict[str, Sample]]
 SECONDS = 10.0
 """Reading a file may take so long."""
 BYTES = 2_000_000_000
@@ -63,12 +66,15 @@ def write(folder: Path, files: dict[str, bytes]) -> None:
         (folder / name).write_bytes(content)
 
 
-def outcomes(seed: int, files: int, workers: int) -> Iterator[Outcome]:
-    """What became of damaged files 0 … ``files``, in the order in which they are done."""
+def outcomes(seed: int, files: int, workers: int, make: Make = samples) -> Iterator[Outcome]:
+    """What became of damaged files 0 … ``files``, in the order in which they are done.
+
+    ``make`` writes good files into a folder, and answers them by kind.
+    """
     context = multiprocessing.get_context("spawn")
     running: dict[Connection, _Share] = {}
     for k in range(workers):
-        _start(context, _Share(seed, k, files, workers), running)
+        _start(context, _Share(make, seed, k, files, workers), running)
     try:
         while running:
             ready = wait(list(running), timeout=0.5)
@@ -89,6 +95,7 @@ def outcomes(seed: int, files: int, workers: int) -> Iterator[Outcome]:
 class _Share:
     """The files ``next``, ``next + step``, … of one process."""
 
+    make: Make
     seed: int
     next: int
     stop: int
@@ -99,13 +106,11 @@ class _Share:
     deadline: float = 0.0
 
 
-def _start(
-    context: multiprocessing.context.SpawnContext, share: _Share, running: dict[Connection, _Share]
-) -> None:
+def _start(context: SpawnContext, share: _Share, running: dict[Connection, _Share]) -> None:
     if share.next >= share.stop:
         return
     ours, theirs = context.Pipe()
-    arguments = (theirs, share.seed, range(share.next, share.stop, share.step))
+    arguments = (theirs, share.make, share.seed, range(share.next, share.stop, share.step))
     share.process = context.Process(target=_work, args=arguments, daemon=True)
     share.process.start()
     theirs.close()
@@ -114,7 +119,7 @@ def _start(
 
 
 def _heard(
-    context: multiprocessing.context.SpawnContext, connection: Connection, running: dict[Connection, _Share]
+    context: SpawnContext, connection: Connection, running: dict[Connection, _Share]
 ) -> Iterator[Outcome]:
     share = running[connection]
     try:
@@ -132,7 +137,7 @@ def _heard(
 
 
 def _lost(
-    context: multiprocessing.context.SpawnContext,
+    context: SpawnContext,
     connection: Connection,
     running: dict[Connection, _Share],
     outcome: str,
@@ -151,17 +156,18 @@ def _lost(
     _start(context, share, running)
 
 
-def _work(connection: Connection, seed: int, indices: range) -> None:
+def _work(connection: Connection, make: Make, seed: int, indices: range) -> None:
     """Read one damaged file after the other, and send what is being read and what became of it."""
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         (Path(folder) / "good").mkdir()
-        made = samples(Path(folder) / "good")
+        made = make(Path(folder) / "good")
         for sample in made.values():  # imports what it needs, before memory is bounded
             write(Path(folder) / "first", sample.files)
             sample.read(Path(folder) / "first" / sample.entry)
             shutil.rmtree(Path(folder) / "first")
         _bound_memory()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # image libraries complain there
         for index in indices:
             kind, mutation, files = damaged(made, seed, index)
             connection.send((kind, mutation))

@@ -32,10 +32,8 @@ def run(stages: Stages, options: BenchmarkOptions) -> BenchmarkResult:
     notes = [f"{result.outcome}: {path}: {result.detail}" for result, path in _kept(failures, options.seed)]
     if len(failures) > MOST_KEPT:
         notes.append(f"and {len(failures) - MOST_KEPT} more, see the table")
-    within = f"{worker.SECONDS:g} s and {worker.BYTES / 1e9:g} GB each"
-    notes.append(
-        f"{len(results)} damaged files, {len(failures)} neither read nor refused in one line; {within}"
-    )
+    bounds = f"in {worker.SECONDS:g} s and {worker.BYTES / 1e9:g} GB"
+    notes.append(f"{len(failures)} of {len(results)} files neither read nor refused in one line {bounds}")
     return BenchmarkResult(tables=[_table(results)], notes=notes, failures=len(failures))
 
 
