@@ -113,10 +113,12 @@ def read(source: File | str | PathLike[str]) -> Recording:
         attitude = log.attitude.at_scans(time)
     if log.source == "none" and np.any(poses != poses[0]):
         raise FormatError(f"{DEAD_RECKONING} is 'none', expected one robot pose in all scans", path)
-    angles, notes = _angles(log, ranges, poses, file.field_of_view)
+    angles, why = _angles(log, ranges, poses, file.field_of_view)
+    notes = [f"{log.laser}, {fov.describe(angles)} ({why})"]
     if len(present) > 1:
-        others = ", ".join(name for name in LASERS if name in present and name != log.laser)
-        notes.append(f"{log.laser} read, {others} left out")
+        notes.append(
+            f"left out {', '.join(name for name in LASERS if name in present and name != log.laser)}"
+        )
     recording = Recording(
         name=recording_name(path),
         time=time,
@@ -339,12 +341,12 @@ def _mount(log: _Log) -> Array:
     return mount
 
 
-def _angles(log: _Log, ranges: Array, poses: Array, stated: float | None) -> tuple[Array, list[str]]:
+def _angles(log: _Log, ranges: Array, poses: Array, stated: float | None) -> tuple[Array, str]:
     """Beam angles ``(B,)``: as the user ``stated`` [degrees], as the log states, or as the scans tell; and
-    what is to be said of that."""
+    which of these."""
     beams = ranges.shape[1]
     if stated is not None:
-        return fov.angles(beams, stated), []
+        return fov.angles(beams, stated), "--field-of-view"
     if log.geometry is not None:
         start, field_of_view, resolution = log.geometry[:3]
         if resolution <= 0.0:
@@ -352,7 +354,7 @@ def _angles(log: _Log, ranges: Array, poses: Array, stated: float | None) -> tup
         if not 0.0 < resolution * (beams - 1) < 6.3:
             message = f"{log.laser} of {beams} beams {resolution:g} rad apart, expected less than a full turn"
             raise FormatError(message, log.path, log.lines[0])
-        return start + resolution * np.arange(beams, dtype=np.float64), []
+        return start + resolution * np.arange(beams, dtype=np.float64), "stated"
     known = fov.field_of_view(ranges, poses)
     if known is None:
         message = (
@@ -360,10 +362,8 @@ def _angles(log: _Log, ranges: Array, poses: Array, stated: float | None) -> tup
         )
         raise FormatError(message, log.path, log.lines[0])
     degrees, certain = known
-    why = "as one scan fits the next" if certain else "as usual; --field-of-view states another"
-    return fov.angles(beams, degrees), [
-        f"field of view of {beams} beams not stated: {degrees:g}° taken, {why}"
-    ]
+    taken = "as one scan fits the next" if certain else "as usual: --field-of-view states another"
+    return fov.angles(beams, degrees), f"not stated, taken {taken}"
 
 
 def _check_last_line(text: str, path: Path) -> None:

@@ -32,6 +32,13 @@ def angles(beams: int, degrees: float) -> Array:
     return np.deg2rad(-0.5 * degrees + step * np.arange(beams, dtype=np.float64))
 
 
+def describe(angles: Array) -> str:
+    """``181 beams over 180°``, of beam angles ``(B,)``, a full turn being what its beams divide."""
+    beams, span = len(angles), float(np.degrees(angles[-1] - angles[0]))
+    whole_turn = span * beams / max(beams - 1, 1) > 359.9
+    return f"{beams} beams over {360.0 if whole_turn else span:.4g}°"
+
+
 def field_of_view(ranges: Array, poses: Array) -> tuple[float, bool] | None:
     """Degrees that ``ranges (N, B)`` span, and whether the scans say so (or it is merely usual).
 

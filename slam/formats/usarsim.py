@@ -69,6 +69,7 @@ class _Log:
     now: float = np.nan
     spawn_yaw: float = 0.0
     scanner: str | None = None
+    silent: set[str] = field(default_factory=set)  # further scanners
     scan: dict[str, str] = field(default_factory=dict)
     scan_times: list[float] = field(default_factory=list)
     scan_lines: list[int] = field(default_factory=list)
@@ -104,17 +105,23 @@ def read(source: File | str | PathLike[str]) -> Recording:
     ranges[(ranges >= farthest) | (ranges < laser.range_min)] = np.nan
     ranges += _cut_off(log)
     source, reckoned = _dead_reckoning(log, time)
+    angles = _angles(log, ranges.shape[1], file.field_of_view)
+    why = "stated" if file.field_of_view is None else "--field-of-view"
+    notes = [f"range scanner {log.scanner or 'without a name'}, {fov.describe(angles)} ({why})"]
+    if log.silent:
+        notes.append(f"left out {', '.join(sorted(log.silent))}")
     truth = log.poses["GroundTruth"]
     return Recording(
         name=recording_name(path),
         time=time,
         ranges=ranges,
-        angles=_angles(log, ranges.shape[1], file.field_of_view),
+        angles=angles,
         laser=laser,
         dead_reckoning=_planar(reckoned),
         source=source,
         attitude=reckoned[:, 3:5] if source == "ins" else None,
         truth=_planar(truth.at_scans(time)) if truth.times else None,
+        notes=tuple(notes),
     ).with_scans(kept)
 
 
@@ -233,6 +240,7 @@ def _read_scan(log: _Log, fields: dict[str, str], number: int, time: float) -> N
     if log.scanner is None:
         log.scanner, log.scan = name, fields
     if name != log.scanner:
+        log.silent.add(name)
         return
     log.rows.append(ranges_of(fields["Range"].split(","), "Range", log.path, number))
     log.scan_times.append(time)

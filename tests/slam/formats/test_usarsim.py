@@ -84,6 +84,11 @@ def test_a_field_of_view_that_the_user_states() -> None:
     np.testing.assert_allclose(np.degrees(recording.angles), [-60, -30, 0, 30, 60])
 
 
+def test_the_scanner_that_is_read_is_named_and_the_others_are() -> None:
+    recording = parse(ROOM + scan(10.0, FIVE, name="Rear"))
+    assert recording.notes == ("range scanner H, 5 beams over 180° (stated)", "left out Rear")
+
+
 @pytest.mark.parametrize("clock", ["12:00:01.003 ", "[2012-04-05 12:00:01] ", "1333622401.25 "])
 def test_lines_may_begin_with_the_clock_of_who_wrote_them(clock: str) -> None:
     text = "".join(clock + line for line in ROOM.removeprefix(HEADER).splitlines(keepends=True))
