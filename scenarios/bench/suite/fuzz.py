@@ -26,6 +26,11 @@ def run(stages: Stages, options: BenchmarkOptions) -> BenchmarkResult:
     with stages.stage("fuzz"):
         for outcome in worker.outcomes(options.seed, options.files, len(os.sched_getaffinity(0))):
             results.append(outcome)
+            if outcome.failed:
+                words = f"file {outcome.index}, {outcome.kind}, {outcome.mutation}: {outcome.outcome}"
+                stages.console.print(
+                    f"{words} {outcome.detail}", highlight=False, markup=False, soft_wrap=True
+                )
             if len(results) % 5000 == 0:
                 stages.console.print(f"{len(results)} files", style="dim", highlight=False)
     failures = sorted((result for result in results if result.failed), key=lambda result: result.index)
