@@ -89,7 +89,7 @@ def _others(folder: Path) -> dict[str, Sample]:
     cells = np.random.default_rng(1).uniform(size=(20, 30)) > 0.7
     (folder / "map").mkdir()
     ros_map.write(folder / "map" / "a.yaml", Grid(cells, ~cells, np.zeros(2), 0.05))
-    pgm = _sample(folder / "map", ros_map.read_cells).files
+    pgm = _sample(folder / "map", ros_map.read).files
     Image.open(folder / "map" / "a.pgm").save(folder / "a.png")
     png = {"a.yaml": pgm["a.yaml"].replace(b"pgm", b"png"), "a.png": (folder / "a.png").read_bytes()}
     k = np.arange(3)
@@ -105,8 +105,8 @@ def _others(folder: Path) -> dict[str, Sample]:
     relations.write(folder / "a.relations", Relations(np.array([[1.0, 2.0]] * 3), np.ones((3, 3))))
     answer = "".join(f"{k} {x} {y} {yaw}\n" for k, (x, y, yaw) in enumerate(drive.dead_reckoning))
     return {
-        "ROS map, pgm": Sample(pgm, "a.yaml", ros_map.read_cells),
-        "ROS map, png": Sample(png, "a.yaml", ros_map.read_cells),
+        "ROS map, pgm": Sample(pgm, "a.yaml", ros_map.read),
+        "ROS map, png": Sample(png, "a.yaml", ros_map.read),
         "g2o": _sample(folder / "a.g2o", _optimise),
         "g2o, edges": Sample({"a.g2o": b"".join(edges)}, "a.g2o", _optimise),
         "tum": _sample(folder / "a.tum", tum.read),
