@@ -40,8 +40,8 @@ class Options:
     """
 
     recording: Positional[Annotated[str, arg(metavar="NAME|LOG", help_behavior_hint="")]] = ""
-    """A scenario (see --list), a ROS map (.yaml) to drive through, or a log: USARSim, CARMEN .log or .log.gz,
-    ROS bag, recording.npz."""
+    """A scenario (see --list), a ROS map (.yaml) to drive through, or a log: USARSim or CARMEN (.log, or
+    compressed: .gz, .bz2, .xz, .zst), ROS bag, recording.npz."""
     list: Annotated[bool, arg(help_behavior_hint="")] = False
     """Print the scenarios and why each exists."""
     seed: Annotated[int, arg(metavar="K")] = 0
@@ -65,6 +65,8 @@ class Options:
     """Which of a ROS bag's lasers to read, where it is not /scan or the first by name."""
     odometry: Annotated[str, arg(metavar="TOPIC", help_behavior_hint="")] = ""
     """Which odometry of a ROS bag, where it is not the first that moves: a topic, or /tf:FRAME."""
+    field_of_view: Annotated[float | None, arg(metavar="DEG", help_behavior_hint="")] = None
+    """What the laser spans, where a text log does not tell; without, what makes one scan fit the next."""
     dead_reckoning: Annotated[
         Literal["ins", "odometry"] | None, arg(metavar="ins|odometry", help_behavior_hint="")
     ] = None
@@ -105,6 +107,8 @@ def run(options: Options) -> None:
     from scenarios.run_folder.write import write_run
     from scenarios.stages import Stages
 
+    mark = options.recording if options.recording in CATALOGUE else directory.fingerprint(options.recording)
+    name = directory.vacant_name(options.out, name, mark)
     directory.check(options.out, name)
     config, stages = configure(options), Stages(Console(stderr=True))
     source = obtain(options, config, stages)
@@ -113,7 +117,7 @@ def run(options: Options) -> None:
     with stages.stage("evaluate"):
         metrics = evaluate(source.recording, [*answers, *source.published])
         metrics += costs(answers, source.recording, stages)
-    result = described(options, config, source, estimates, metrics)
+    result = described(options, config, source, estimates, metrics, mark)
     from scenarios.report.page import write_report  # here: matplotlib is no part of what a method takes
 
     with directory.prepare(options.out, name) as folder:
@@ -139,12 +143,25 @@ def checked(options: Options) -> tuple[list[str], str]:
         raise InputError("--relations and --laser-mount are for logs: a scenario knows its own truth")
     if simulates and (options.topic or options.odometry):
         raise InputError("--topic and --odometry are for ROS bags")
+    if options.field_of_view is not None:
+        if simulates:
+            raise InputError("--field-of-view is for logs: a scenario knows its own laser")
+        if not 0.0 < options.field_of_view <= 360.0:
+            raise InputError(f"--field-of-view: expected degrees up to 360, got {options.field_of_view:g}")
     if options.dead_reckoning and not simulates:
         raise InputError("--dead-reckoning is for simulated robots: a log has what it has")
     if options.start and not (simulates and is_map(options.recording)):
         raise InputError("--start is for ROS maps: scenarios and logs have a start of their own")
-    name = Path(options.recording).name.split(".")[0]
-    return methods, f"{name}-seed{options.seed}"
+    return methods, f"{run_name(options.recording)}-seed{options.seed}"
+
+
+def run_name(target: str) -> str:
+    """``drive.2024`` for ``logs/drive.2024.log.gz``: all that tells recordings of one folder apart."""
+    from scenarios.source import MAP_SUFFIXES
+    from slam.formats.text import recording_name
+
+    path = Path(target)
+    return path.stem if path.suffix in MAP_SUFFIXES else recording_name(path).removesuffix(".raw")
 
 
 def configure(options: Options) -> MethodConfig:
@@ -201,7 +218,12 @@ def _obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
         return found
     with stages.stage("read"):
         found = source.logged(
-            Path(options.recording), options.relations, options.laser_mount, options.topic, options.odometry
+            Path(options.recording),
+            options.relations,
+            options.laser_mount,
+            field_of_view=options.field_of_view,
+            topic=options.topic,
+            odometry=options.odometry,
         )
     tell_of_compilation(stages)
     if not options.no_dead_reckoning and is_mount_unstated(found.recording):
@@ -287,7 +309,12 @@ def costs(answers: Sequence[Estimate | NoEstimate], recording: Recording, stages
 
 
 def described(
-    options: Options, config: MethodConfig, source: Source, estimates: list[Estimate], metrics: list[Metric]
+    options: Options,
+    config: MethodConfig,
+    source: Source,
+    estimates: list[Estimate],
+    metrics: list[Metric],
+    fingerprint: str,
 ) -> Run:
     """The run with what it takes to make it again: the command line, every parameter, and the versions."""
     from scenarios.run_folder.write import Run
@@ -296,6 +323,7 @@ def described(
     asked = {
         "command": shlex.join(["python", "-m", COMMAND, *sys.argv[1:]]),
         "options": asdict(options),
+        "fingerprint": fingerprint,
         "scenario": source.settings,
         "methods": config,
     }

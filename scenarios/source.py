@@ -81,9 +81,16 @@ def _scenario(target: str, start: Pose | None) -> Buildable:
 
 
 def logged(
-    path: Path, relations: Path | None, mount: Pose | None, topic: str = "", odometry: str = ""
+    path: Path,
+    relations: Path | None,
+    mount: Pose | None,
+    *,
+    field_of_view: float | None = None,
+    topic: str = "",
+    odometry: str = "",
 ) -> Source:
-    """A recording from a log, with relations to score it against and the laser mount the user may know.
+    """A recording from a log, with relations to score it against, and the laser mount and field of view
+    [degrees] that the user may know.
 
     ``topic`` and ``odometry`` name what is read of a ROS bag.
 
@@ -96,7 +103,7 @@ def logged(
     from slam.formats import FormatError, load
 
     try:
-        recording = load(path, relations, topic=topic, odometry=odometry)
+        recording = load(path, relations, field_of_view=field_of_view, topic=topic, odometry=odometry)
         published = _published(path, len(recording))
     except FormatError as error:
         raise InputError(str(error)) from error
@@ -131,11 +138,12 @@ def with_estimated_mount(found: Source, config: MappingConfig) -> tuple[Source, 
 def _published(path: Path, scans: int) -> tuple[Estimate, ...]:
     """Other systems' answers beside a log: for ``intel.raw.log.gz`` there is ``intel.gmapping_ref.txt``."""
     from slam.formats import peer
+    from slam.formats.text import recording_name
     from stitch.mapping.estimate import Estimate
 
-    stem = glob.escape(path.name.split(".")[0])
-    files = sorted(path.parent.glob(f"{stem}.*_ref.txt"))
-    names = [file.name.split(".")[1].removesuffix("_ref") for file in files]
+    stem = recording_name(path).removesuffix(".raw")
+    files = sorted(path.parent.glob(f"{glob.escape(stem)}.*_ref.txt"))
+    names = [file.name.removeprefix(f"{stem}.").removesuffix("_ref.txt") for file in files]
     return tuple(
         Estimate(f"{name} (published)", peer.read(file, scans))
         for name, file in zip(names, files, strict=True)

@@ -84,7 +84,7 @@ class Recording:
     ``source="ins"`` position increments live in the INS's own world frame; with ``"odometry"`` in the
     body frame; with ``"none"`` there is no dead reckoning, and its poses are all the same. ``attitude
     (N, 2)`` is (roll, pitch) rad as the INS says, ``truth (N, 3)`` robot poses of a simulator or tracker.
-    ``notes`` tell what a reader took of a log that holds more, and what it left.
+    ``notes``: what reading it took of a log that holds more, assumed, or left out; the laser first.
 
     Raises ``ValueError`` when shapes disagree or a value that must be finite is not.
     """
@@ -136,6 +136,17 @@ class Recording:
         The full-rate odometry stays: relations are scored with it, and no method reads it.
         """
         return replace(self, dead_reckoning=np.zeros((len(self), 3)), source="none")
+
+    def with_scans(self, kept: np.ndarray) -> Recording:
+        """The same drive without the scans for which ``kept (N,)`` is False, which is noted."""
+        if np.all(kept):
+            return self
+        parts = ("time", "ranges", "dead_reckoning", "attitude", "truth")
+        given = {name: getattr(self, name) for name in parts if getattr(self, name) is not None}
+        odometry = self.odometry and replace(self.odometry, scan_row=self.odometry.scan_row[kept])
+        note = f"{np.sum(~kept)} of {len(self)} scans left out: another number of beams"
+        selected = {name: value[kept] for name, value in given.items()}
+        return replace(self, **selected, odometry=odometry, notes=(*self.notes, note))
 
     def with_relations(self, relations: Relations) -> Recording:
         """The same drive, to be scored against these relations."""

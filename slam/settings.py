@@ -26,7 +26,7 @@ def read_settings(path: Path, defaults: Tree, under: str = "") -> Tree:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}, expected a JSON file of settings") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON ({error})") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected an object of settings, got {type(content).__name__}")

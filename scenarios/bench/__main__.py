@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 from scenarios.bench.result import BenchmarkOptions, print_result, results_json
 from scenarios.bench.suite import BENCHES, bench
@@ -13,6 +13,7 @@ from scenarios.options import check_seed
 from slam.cli import InputError, main, nearest
 
 COMMAND = "scenarios.bench"
+FUZZ = "fuzz"
 
 
 def run(options: BenchmarkOptions) -> None:
@@ -21,6 +22,8 @@ def run(options: BenchmarkOptions) -> None:
         raise InputError(f"unknown bench {options.name!r}: {nearest(options.name, BENCHES)}")
     if options.pairs < 1:
         raise InputError(f"--pairs: expected 1 or more, got {options.pairs}")
+    if options.files < 1:
+        raise InputError(f"--files: expected 1 or more, got {options.files}")
     check_seed(options.seed)
     if options.data is not None and not options.data.is_dir():
         raise InputError(f"--data: expected a folder, got {options.data}")
@@ -29,17 +32,20 @@ def run(options: BenchmarkOptions) -> None:
 
     from scenarios.stages import Stages, environment
 
-    names = [options.name] if options.name else BENCHES
-    with one_core():
-        results = {name: bench(name)(Stages(Console(stderr=True)), options) for name in names}
+    results = {}
+    for name in [options.name] if options.name else BENCHES:
+        with contextlib.nullcontext() if name == FUZZ else one_core():
+            results[name] = bench(name)(Stages(Console(stderr=True)), options)
     if options.format == "json":
         print(results_json(results, environment()))
-        return
-    for name, result in results.items():
-        print_result(name, result, environment())
+    else:
+        for name, result in results.items():
+            print_result(name, result, environment())
+    if any(result.failures for result in results.values()):
+        raise SystemExit(1)
 
 
-@contextmanager
+@contextlib.contextmanager
 def one_core() -> Iterator[None]:
     """Keep this process on one core, where the system lets it."""
     if not hasattr(os, "sched_setaffinity"):

@@ -27,6 +27,7 @@ class BenchmarkOptions:
 
     The best repetition is what the code can do; how far the others are from it is what else the machine did.
     matching: also success, honesty and accuracy of scan matchers, beside others (extra [peers]) if installed.
+    fuzz: damaged files of every format, on all cores; exit code 1 where one is neither read nor refused.
     """
 
     name: Positional[Annotated[str, arg(metavar="|".join(BENCHES), help_behavior_hint="")]] = ""
@@ -36,10 +37,12 @@ class BenchmarkOptions:
     pairs: Annotated[int, arg(metavar="N")] = 300
     """matching: pairs of scans of each kind, simulated and from each log."""
     seed: Annotated[int, arg(metavar="K")] = 0
-    """matching: what the pairs, their noise and the guesses are drawn from."""
+    """matching: what the pairs, their noise and the guesses are drawn from; fuzz: what the damage is."""
     data: Annotated[Path | None, arg(metavar="FOLDER", help_behavior_hint="")] = None
     """matching: folder of the real recordings (carmen/intel.raw.log.gz, usarsim/iro2012-pre2/Robot1.log),
     by default ../shared/data beside the checkout. What is not there is left out."""
+    files: Annotated[int, arg(metavar="N")] = 100_000
+    """fuzz: how many files are damaged."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +67,14 @@ class Figure:
 @dataclass(frozen=True)
 class BenchmarkResult:
     """``figures`` with their repetitions; ``tables`` for the console, made from ``records`` by topic; and
-    ``notes``: what the figures stand for, and what is left out and why."""
+    ``notes``: what the figures stand for, and what is left out and why. ``failures`` counts what must not
+    happen."""
 
     figures: Sequence[Figure] = ()
     tables: Sequence[Table] = ()
     records: Mapping[str, Sequence[Mapping[str, object]]] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    failures: int = 0
 
 
 def time_calls(calls: Mapping[str, Call], repetitions: int) -> dict[str, tuple[float, ...]]:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import errno
+import glob
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -10,11 +13,14 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
+from os import PathLike
 from pathlib import Path
 
 from scenarios.jsonable import dump
 from slam.cli import InputError
 
+CONFIG_FILE = "config.json"
 METRICS_FILE = "metrics.json"
 """A folder that holds this is a run, and may be replaced by a newer one."""
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
@@ -27,6 +33,45 @@ class Folder:
 
     temporary: Path
     final: Path
+
+
+def fingerprint(target: str | PathLike[str]) -> str:
+    """What tells a recording from all others: a digest of its file, or of the files in its folder; of a map
+    that is named by its yaml, of the image beside it too. Raises `InputError` for a file that cannot be
+    read."""
+    path = Path(target)
+    if path.suffix in (".yaml", ".yml"):
+        files = list(path.parent.glob(f"{glob.escape(path.stem)}.*"))
+    else:
+        files = list(path.rglob("*")) if path.is_dir() else [path]
+    whole = hashlib.sha256()
+    try:
+        for part in sorted(file for file in files if file.is_file()):
+            with part.open("rb") as content:
+                whole.update(hashlib.file_digest(content, "sha256").digest())
+    except OSError as error:
+        raise InputError(f"{target}: cannot be read: {error.strerror}") from error
+    return whole.hexdigest()
+
+
+def vacant_name(out: Path, name: str, recording: str) -> str:
+    """``name``, or ``name-2``, ``-3``…: the first under which ``out`` has no run of another recording.
+
+    Recordings are told apart by their `fingerprint`; a run that does not tell its own may be replaced.
+    """
+    for number in count(1):
+        candidate = name if number == 1 else f"{name}-{number}"
+        if _recording_of(out / safe_name(candidate)) in ("", recording):
+            return candidate
+    raise AssertionError  # count never ends
+
+
+def _recording_of(run: Path) -> str:
+    """The fingerprint that a run's config.json tells, or nothing."""
+    try:
+        return str(json.loads((run / CONFIG_FILE).read_text(encoding="utf-8"))["fingerprint"])
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return ""
 
 
 def safe_name(name: str) -> str:

@@ -115,7 +115,7 @@ def _graph(folder: Path, method: str, when: str) -> PoseGraph | None:
 def _json(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: expected JSON of a run: {error}") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected JSON of a run, got {type(content).__name__}")

@@ -8,7 +8,7 @@ from os import PathLike
 
 import numpy as np
 
-from slam.formats import carmen, recording_npz, usarsim
+from slam.formats import carmen, foreign, recording_npz, usarsim
 from slam.formats import relations as relations_file
 from slam.formats.rosbag import reader as rosbag_reader
 from slam.formats.rosbag import storage as rosbag_storage
@@ -28,20 +28,21 @@ class Format:
 
     ``title`` for messages; ``recognise`` tells a file of this format, by path or content, from all others;
     ``read`` raises `FormatError`; ``write`` takes a path and a recording, and is None for a format that is
-    only read.
+    only read. ``has_angles``: whether such a file always states where its beams point.
     """
 
     title: str
     recognise: Callable[[File], bool]
     read: Callable[[File], Recording]
     write: Callable[[str | PathLike[str], Recording], None] | None = None
+    has_angles: bool = True
 
 
 FORMATS = {
     "rosbag": Format("a ROS bag", rosbag_storage.recognise, rosbag_reader.read, rosbag_writer.write),
     "npz": Format("a recording.npz", recording_npz.recognise, recording_npz.read, recording_npz.write),
-    "usarsim": Format("a USARSim log", usarsim.recognise, usarsim.read, usarsim.write),
-    "carmen": Format("a CARMEN log", carmen.recognise, carmen.read, carmen.write),
+    "usarsim": Format("a USARSim log", usarsim.recognise, usarsim.read, usarsim.write, False),
+    "carmen": Format("a CARMEN log", carmen.recognise, carmen.read, carmen.write, False),
 }
 """Formats of recordings, in the order in which a file is tried. A further one is a file of its own and an
 entry here; `tests/slam/formats/test_load.py` tries it on arrival."""
@@ -50,23 +51,31 @@ entry here; `tests/slam/formats/test_load.py` tries it on arrival."""
 def load(
     path: str | PathLike[str],
     relations: str | PathLike[str] | None = None,
+    field_of_view: float | None = None,
     topic: str = "",
     odometry: str = "",
 ) -> Recording:
-    """Read a recording in any of the `FORMATS`; logs may be gzipped.
+    """Read a recording in any of the `FORMATS`; logs may be compressed (`packed.PACKINGS`).
 
     Files are recognised by content, a bag by its folder's files or by its suffix, .db3, .mcap or .bag. In a
     bag ``topic`` names the laser and ``odometry`` the dead reckoning.
 
-    ``relations`` names a file of true relative poses to score the recording against. A log whose dead
-    reckoning never changes while its scans do has none. Raises `FormatError`, one line naming file and line,
-    for anything that cannot be read.
+    ``relations`` names a file of true relative poses to score the recording against; ``field_of_view`` is
+    what the user says that a text log's laser spans, in degrees. A log whose dead reckoning never changes
+    while its scans do has none. Raises `FormatError`, one line naming file and line, for anything that cannot
+    be read.
     """
-    file = File(path, topic=topic, odometry=odometry)
+    file = File(path, field_of_view=field_of_view, topic=topic, odometry=odometry)
     form = _format_of(file)
+    if field_of_view is not None and form.has_angles:
+        raise FormatError(f"{form.title} states its field of view, expected none beside it", path)
     if (topic or odometry) and form is not FORMATS["rosbag"]:
         raise FormatError(f"{form.title} has no topics, expected a ROS bag", path)
     recording = form.read(file)
+    if not np.isfinite(recording.ranges).any():
+        low, high = recording.laser.range_min, recording.laser.range_max
+        message = f"no beam of {len(recording)} scans returned, expected ranges from {low:g} to {high:g} m"
+        raise FormatError(message, path)
     if recording.source != "none" and dead_reckoning_is_stuck(recording):
         recording = recording.without_dead_reckoning()
     return recording if relations is None else recording.with_relations(relations_file.read(relations))
@@ -77,7 +86,8 @@ def _format_of(file: File) -> Format:
         if form.recognise(file):
             return form
     *titles, last = (form.title for form in FORMATS.values())
-    raise FormatError(f"not a recording: expected {', '.join(titles)} or {last}", file.path)
+    kind = foreign.describe(file.data) or f"not a recording: expected {', '.join(titles)} or {last}"
+    raise FormatError(kind, file.path)
 
 
 def dead_reckoning_is_stuck(recording: Recording) -> bool:

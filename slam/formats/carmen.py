@@ -1,8 +1,9 @@
 """CARMEN logs: one message per line, stamped by the sender.
 
 ``FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp`` and
-``ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp``; the newer ``ROBOTLASER1`` also states its
-field of view. Lines keep their order: stamps of different senders may go backwards.
+``ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp``; the newer ``ROBOTLASER1`` and
+``RAWLASER1`` also state their field of view, ``RAWLASER1`` no pose. Lines keep their order: stamps of
+different senders may go backwards.
 
 Our own logs keep more of a recording: truth in ``TRUEPOS``, an INS's attitude in ``IMU``, and what CARMEN has
 no word for in ``PARAM``.
@@ -19,9 +20,19 @@ from typing import get_args
 import numpy as np
 
 from slam import se2
+from slam.formats import field_of_view as fov
 from slam.formats import quaternion
 from slam.formats.pose_records import PoseRecords
-from slam.formats.text import File, FormatError, numbers, printable_ranges, range_matrix, recording_name
+from slam.formats.text import (
+    File,
+    FormatError,
+    numbers,
+    printable_ranges,
+    range_matrix,
+    ranges_of,
+    recording_name,
+    whole,
+)
 from slam.recording import Laser, Odometry, Recording, Source
 from slam.se2 import Array
 
@@ -33,11 +44,18 @@ SIGMA_RANGE = 0.01
 MOUNT_TOLERANCE = 2e-3
 """Laser and robot poses are logged apart: their difference is a mount if it stays within this [m, rad]."""
 
-MESSAGE = re.compile(r"^(FLASER|ODOM|ROBOTLASER1|RAWLASER1|PARAM|SYNC)\b", re.MULTILINE)
-NAMES = ("ODOM", "FLASER", "ROBOTLASER1", "TRUEPOS", "IMU")
+LASERS = (
+    "FLASER", "ROBOTLASER1", "RAWLASER1", "RLASER", "ROBOTLASER2", "RAWLASER2", "RAWLASER3", "RAWLASER4"
+)  # fmt: skip
+"""Messages of scans; the first of them that a log has is read."""
+MESSAGE = re.compile(rf"^({'|'.join(LASERS)}|ODOM|PARAM|SYNC)\b", re.MULTILINE)
+LASER = re.compile(rf"^({'|'.join(LASERS)}) ", re.MULTILINE)
+NAMES = ("ODOM", *LASERS, "TRUEPOS", "IMU")
 LENGTHS = {"ODOM": 10, "TRUEPOS": 10, "IMU": 17}
 """Words of a line, its name included."""
 DEAD_RECKONING, RANGE_MINIMUM = "slamstitch_dead_reckoning", "slamstitch_range_min"
+MOUNT = ("robot_frontlaser_offset", "robot_frontlaser_side_offset", "robot_frontlaser_angular_offset")
+"""CARMEN's own parameters for x, y [m] and yaw [rad] of the front laser."""
 RANGE_DECIMALS = 3
 
 
@@ -46,12 +64,15 @@ class _Log:
     """What the lines of one log said so far."""
 
     path: Path
+    laser: str
     odometry: list[list[float]] = field(default_factory=list)  # stamp, x, y, theta
     rows: list[list[float]] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
-    scans: list[list[float]] = field(default_factory=list)  # stamp, laser x y theta, robot x y theta
+    scans: list[list[float]] = field(default_factory=list)  # stamp, laser's x y theta, robot's, if stated
     scan_row: list[int] = field(default_factory=list)
-    geometry: list[float] | None = None  # ROBOTLASER1: start, field of view, resolution, maximum, accuracy
+    geometry: list[float] | None = None  # as stated: start, field of view, resolution, maximum, accuracy
+    tail: int | None = None  # values after a FLASER's ranges
+    mount: dict[str, float] = field(default_factory=dict)
     truth: PoseRecords = field(default_factory=PoseRecords)
     attitude: PoseRecords = field(default_factory=PoseRecords)
     source: Source = "odometry"
@@ -64,46 +85,78 @@ def recognise(file: File) -> bool:
 
 
 def read(source: File | str | PathLike[str]) -> Recording:
-    """Read a CARMEN log, plain or gzipped.
+    """Read a CARMEN log, plain or compressed.
 
-    Reads ``FLASER``, or ``ROBOTLASER1`` in a log without. Each scan's dead reckoning is the robot pose on its
-    own line. Raises `FormatError` naming file and line.
+    Reads the first of `LASERS` that there is. Each scan's dead reckoning is the robot pose on its own line;
+    ``RAWLASER`` has none, there it is interpolated between the ``ODOM`` lines. Raises `FormatError` naming
+    file and line.
     """
     file = File.of(source)
     text, path = file.text, file.path
     _check_last_line(text, path)
-    log = _Log(path)
-    laser_name = "FLASER" if text.startswith("FLASER ") or "\nFLASER " in text else "ROBOTLASER1"
+    present = set(LASER.findall(text))
+    log = _Log(path, next((name for name in LASERS if name in present), LASERS[0]))
     for number, line in file.lines():
-        if line.startswith(laser_name + " "):
+        if line.startswith(log.laser + " "):
             _read_scan(log, line.split(), number)
         elif line.startswith(("ODOM ", "TRUEPOS ", "IMU ")):
             _read_record(log, line.split(), number)
-        elif line.startswith("PARAM slamstitch_"):
+        elif line.startswith("PARAM "):
             _read_parameter(log, line.split(), number)
-    ranges = range_matrix(log.rows, log.lines, path)
-    scans, odometry = np.array(log.scans), np.array(log.odometry)
-    laser = _laser(log, ranges, scans)
+    ranges, kept = range_matrix(log.rows, log.lines, path)
+    time, full_rate = np.array([scan[0] for scan in log.scans]), _full_rate(log)
+    poses = np.array(log.scans)[:, 4:7] if _has_poses(log) else _odometry_at(log, time)
+    laser = _laser(log)
     ranges[(ranges >= laser.range_max) | (ranges < laser.range_min)] = np.nan
-    full_rate = attitude = None
-    if len(odometry) > len(scans):
-        full_rate = Odometry(time=odometry[:, 0], poses=odometry[:, 1:], scan_row=np.array(log.scan_row))
+    attitude = None
     if log.source != "odometry" and log.attitude.times:
-        attitude = log.attitude.at_scans(scans[:, 0])
-    if log.source == "none" and np.any(scans[:, 4:7] != scans[0, 4:7]):
+        attitude = log.attitude.at_scans(time)
+    if log.source == "none" and np.any(poses != poses[0]):
         raise FormatError(f"{DEAD_RECKONING} is 'none', expected one robot pose in all scans", path)
-    return Recording(
+    angles, why = _angles(log, ranges, poses, file.field_of_view)
+    notes = [f"{log.laser}, {fov.describe(angles)} ({why})"]
+    if len(present) > 1:
+        notes.append(
+            f"left out {', '.join(name for name in LASERS if name in present and name != log.laser)}"
+        )
+    recording = Recording(
         name=recording_name(path),
-        time=scans[:, 0],
+        time=time,
         ranges=ranges,
-        angles=_angles(log, ranges.shape[1]),
+        angles=angles,
         laser=laser,
-        dead_reckoning=scans[:, 4:7],
-        source=log.source,
+        dead_reckoning=poses,
+        source=log.source if _has_poses(log) or log.odometry else "none",
         odometry=full_rate,
         attitude=attitude,
-        truth=log.truth.at_scans(scans[:, 0]) if log.truth.times else None,
-    )
+        truth=log.truth.at_scans(time) if log.truth.times else None,
+        notes=tuple(notes),
+    ).with_scans(kept)
+    if log.mount and not _has_poses(log):  # the poses would have told
+        recording = recording.with_laser_mount(np.array([log.mount.get(name, 0.0) for name in MOUNT]))
+    return recording
+
+
+def _has_poses(log: _Log) -> bool:
+    """Whether the lines of scans state where the robot was."""
+    return not log.laser.startswith("RAWLASER")
+
+
+def _full_rate(log: _Log) -> Odometry | None:
+    """The odometry between the scans, where there is more of it than scans."""
+    if len(log.odometry) <= len(log.scans):
+        return None
+    odometry = np.array(log.odometry)
+    return Odometry(time=odometry[:, 0], poses=odometry[:, 1:], scan_row=np.maximum(log.scan_row, 0))
+
+
+def _odometry_at(log: _Log, time: Array) -> Array:
+    """Poses ``(N, 3)`` at the scans, between the ODOM lines before and after each; zero without any."""
+    if not log.odometry:
+        return np.zeros((len(time), 3))
+    records = PoseRecords([row[0] for row in log.odometry], [row[1:] for row in log.odometry])
+    records.before_scan = [row + 1 for row in log.scan_row]
+    return records.at_scans(time)
 
 
 def write(path: str | PathLike[str], recording: Recording) -> None:
@@ -192,7 +245,9 @@ def _read_record(log: _Log, words: list[str], line: int) -> None:
 
 
 def _read_parameter(log: _Log, words: list[str], line: int) -> None:
-    """What `write` adds to the log: whose the dead reckoning is, and the smallest range."""
+    """What `write` adds to the log: whose the dead reckoning is, and the smallest range; and the mount."""
+    if words[1:2] and words[1] not in (DEAD_RECKONING, RANGE_MINIMUM, *MOUNT):
+        return
     if len(words) < 3:
         raise FormatError(f"PARAM of {len(words) - 1} values, expected a name and a value", log.path, line)
     if words[1] == DEAD_RECKONING:
@@ -202,60 +257,66 @@ def _read_parameter(log: _Log, words: list[str], line: int) -> None:
         log.source = words[2]  # type: ignore[assignment]  # just checked
     elif words[1] == RANGE_MINIMUM:
         log.range_min = numbers(words[2:3], RANGE_MINIMUM, log.path, line)[0]
+    else:
+        log.mount[words[1]] = numbers(words[2:3], words[1], log.path, line)[0]
 
 
 def _read_scan(log: _Log, words: list[str], line: int) -> None:
     """Append a scan, and its robot pose to the odometry unless an ODOM line just before had that stamp."""
-    values = _flaser(words, log.path, line) if words[0] == "FLASER" else _robotlaser(log, words, line)
-    ranges, stamp, laser_pose, robot_pose = values
+    read_words = _flaser if words[0] in ("FLASER", "RLASER") else _stated_laser
+    ranges, stamp, poses = read_words(log, words, line)
     log.rows.append(ranges)
     log.lines.append(line)
-    log.scans.append([stamp, *laser_pose, *robot_pose])
-    if not log.odometry or log.odometry[-1][0] != stamp:
-        log.odometry.append([stamp, *robot_pose])
+    log.scans.append([stamp, *poses])
+    if poses and (not log.odometry or log.odometry[-1][0] != stamp):
+        log.odometry.append([stamp, *poses[3:]])
     log.scan_row.append(len(log.odometry) - 1)
     log.truth.scan()
     log.attitude.scan()
 
 
-_Scan = tuple[list[float], float, list[float], list[float]]
+_Scan = tuple[list[float], float, list[float]]
+"""Ranges, stamp, and the poses of laser and robot, or none."""
 
 
-def _flaser(words: list[str], path: Path, line: int) -> _Scan:
-    count = _count(words, 1, "FLASER", path, line)
-    if len(words) != count + 11:
-        message = f"FLASER of {len(words) - 2} values, expected {count} ranges and 9 more: cut in the middle?"
+def _flaser(log: _Log, words: list[str], line: int) -> _Scan:
+    """``n r1..rn``, two poses, stamp, host, logger's stamp; some logs leave out the last two."""
+    name, path = words[0], log.path
+    count = _count(words, 1, name, path, line)
+    tail = len(words) - count - 2
+    if tail != 9 and (tail != 7 or log.tail not in (None, 7)):
+        values = len(words) - 2
+        message = f"{name} of {values} values, expected {count} ranges and 9 more: cut in the middle?"
         raise FormatError(message, path, line)
-    ranges = numbers(words[2 : 2 + count], "FLASER range", path, line)
-    rest = numbers(words[2 + count : 9 + count], "FLASER pose and stamp", path, line)
-    return ranges, rest[6], rest[:3], rest[3:6]
+    log.tail = log.tail or tail
+    rest = numbers(words[2 + count : 9 + count], f"{name} pose and stamp", path, line)
+    return ranges_of(words[2 : 2 + count], f"{name} range", path, line), rest[6], rest[:6]
 
 
-def _robotlaser(log: _Log, words: list[str], line: int) -> _Scan:
-    """``type start fov resolution max accuracy mode n r1..rn m rem1..m``, two poses, 5, stamp."""
-    path = log.path
-    count = _count(words, 8, "ROBOTLASER1", path, line)
-    remissions = _count(words, 9 + count, "ROBOTLASER1 remission", path, line)
+def _stated_laser(log: _Log, words: list[str], line: int) -> _Scan:
+    """``type start fov resolution max accuracy mode n r1..rn m rem1..m``, then of ``ROBOTLASER`` two poses
+    and 5 values; stamp, host, logger's stamp."""
+    name, path = words[0], log.path
+    count = _count(words, 8, name, path, line)
+    remissions = _count(words, 9 + count, f"{name} remission", path, line)
     poses = 10 + count + remissions
-    if len(words) != poses + 14:
-        message = f"ROBOTLASER1 of {len(words) - 1} values, expected {poses + 13}: cut in the middle?"
+    stamp = poses + (11 if _has_poses(log) else 0)
+    if len(words) != stamp + 3:
+        message = f"{name} of {len(words) - 1} values, expected {stamp + 2}: cut in the middle?"
         raise FormatError(message, path, line)
     if log.geometry is None:
-        log.geometry = numbers(words[2:7], "ROBOTLASER1 geometry", path, line)
-    ranges = numbers(words[9 : 9 + count], "ROBOTLASER1 range", path, line)
-    rest = numbers([*words[poses : poses + 6], words[poses + 11]], "ROBOTLASER1 pose and stamp", path, line)
-    return ranges, rest[6], rest[:3], rest[3:6]
+        log.geometry = numbers(words[2:7], f"{name} geometry", path, line)
+    pose_words = words[poses : poses + 6] if _has_poses(log) else []
+    rest = numbers([*pose_words, words[stamp]], f"{name} pose and stamp", path, line)
+    return ranges_of(words[9 : 9 + count], f"{name} range", path, line), rest[-1], rest[:-1]
 
 
 def _count(words: list[str], index: int, what: str, path: Path, line: int) -> int:
-    word = words[index] if index < len(words) else "nothing"
-    if not word.isdigit():
-        raise FormatError(f"{what} count is {word[:20]!r}, expected a whole number", path, line)
-    return int(word)
+    return whole(words[index] if index < len(words) else "nothing", f"{what} count", path, line)
 
 
-def _laser(log: _Log, ranges: Array, scans: Array) -> Laser:
-    """Limits and mount; the mount is what separates laser and robot pose, where that stays constant."""
+def _laser(log: _Log) -> Laser:
+    """Limits and mount."""
     range_max, sigma = SICK_RANGE_MAX, SIGMA_RANGE
     if log.geometry is not None and log.geometry[3] > log.range_min:
         range_max = min(range_max, log.geometry[3])
@@ -264,35 +325,45 @@ def _laser(log: _Log, ranges: Array, scans: Array) -> Laser:
     if not 0.0 <= log.range_min < range_max:
         message = f"smallest range {log.range_min:g}, largest {range_max:g}, expected 0 <= smallest < largest"
         raise FormatError(message, log.path)
+    return Laser(log.range_min, range_max, sigma, _mount(log))
+
+
+def _mount(log: _Log) -> Array:
+    """What separates laser and robot pose, where that stays constant; zero without poses."""
+    if not _has_poses(log):
+        return np.zeros(3)
+    scans = np.array(log.scans)
     T_robot_laser = se2.between(scans[:, 4:7], scans[:, 1:4])
     mount = T_robot_laser[0]
     spread = np.abs(se2.between(mount, T_robot_laser)).max()
     if spread > MOUNT_TOLERANCE or np.abs(mount).max() < MOUNT_TOLERANCE:
         mount = np.zeros(3)
-    return Laser(range_min=log.range_min, range_max=range_max, sigma_range=sigma, T_robot_laser=mount)
+    return mount
 
 
-def _angles(log: _Log, beams: int) -> Array:
-    """Beam angles ``(B,)``, from -90° for FLASER: 180 or 181 beams 1° apart, 360 or 361 half a degree.
-
-    With 180 beams the field of view is -90° to 89°, not centred: Intel's map is sharpest so.
-    """
+def _angles(log: _Log, ranges: Array, poses: Array, stated: float | None) -> tuple[Array, str]:
+    """Beam angles ``(B,)``: as the user ``stated`` [degrees], as the log states, or as the scans tell; and
+    which of these."""
+    beams = ranges.shape[1]
+    if stated is not None:
+        return fov.angles(beams, stated), "--field-of-view"
     if log.geometry is not None:
         start, field_of_view, resolution = log.geometry[:3]
         if resolution <= 0.0:
             resolution = field_of_view / max(beams - 1, 1)
         if not 0.0 < resolution * (beams - 1) < 6.3:
-            message = f"ROBOTLASER1 of {beams} beams {resolution:g} rad apart, expected less than a full turn"
+            message = f"{log.laser} of {beams} beams {resolution:g} rad apart, expected less than a full turn"
             raise FormatError(message, log.path, log.lines[0])
-        return start + resolution * np.arange(beams, dtype=np.float64)
-    if beams in (180, 181):
-        step = 1.0
-    elif beams in (360, 361):
-        step = 0.5
-    else:
-        message = f"FLASER of {beams} beams, expected 180, 181, 360 or 361: the line states no field of view"
+        return start + resolution * np.arange(beams, dtype=np.float64), "stated"
+    known = fov.field_of_view(ranges, poses)
+    if known is None:
+        message = (
+            f"{log.laser} of {beams} beams does not state its field of view: state it, --field-of-view DEG"
+        )
         raise FormatError(message, log.path, log.lines[0])
-    return np.deg2rad(-90.0 + step * np.arange(beams, dtype=np.float64))
+    degrees, certain = known
+    taken = "as one scan fits the next" if certain else "as usual: --field-of-view states another"
+    return fov.angles(beams, degrees), f"not stated, taken {taken}"
 
 
 def _check_last_line(text: str, path: Path) -> None:

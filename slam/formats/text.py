@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
+import codecs
+import math
+import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from os import PathLike
@@ -11,10 +13,26 @@ from pathlib import Path
 
 import numpy as np
 
+from slam.formats import foreign, packed
 from slam.recording import Laser
 from slam.se2 import Array
 
-GZIP_MAGIC = b"\x1f\x8b"
+BYTE_ORDER_MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+"""First bytes of text files from Windows → their encoding."""
+NOT_FINITE = re.compile(r"[-+]?(1\.#\w+|s?nan(\(\w*\))?)", re.IGNORECASE)
+"""How C libraries print what is not a finite number, where Python does not read it: 1.#INF, -nan(ind)."""
+CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+"""Bytes that are in no text."""
+ODD_SCANS = 0.1
+"""Share of the scans that may have another number of beams; they are left out."""
+LARGEST = 1e30
+"""No measured number is larger, and its square is still a number."""
+MOST = 9_999_999
+"""Larger counts are no counts."""
 
 
 class FormatError(ValueError):
@@ -35,13 +53,20 @@ class FormatError(ValueError):
 class File:
     """A file that is read at most once, when its content is first asked for; given ``data``, never.
 
-    Of a ROS bag the user may name the laser's ``topic`` and the ``odometry``.
+    ``field_of_view``: what the user says that the laser in it spans, in degrees; None: as the file says. Of a
+    ROS bag the user may name the laser's ``topic`` and the ``odometry``.
     """
 
     def __init__(
-        self, path: str | PathLike[str], data: bytes | None = None, topic: str = "", odometry: str = ""
+        self,
+        path: str | PathLike[str],
+        data: bytes | None = None,
+        field_of_view: float | None = None,
+        topic: str = "",
+        odometry: str = "",
     ) -> None:
         self.path = Path(path)
+        self.field_of_view = field_of_view
         self.topic, self.odometry = topic, odometry
         if data is not None:
             self.__dict__["data"] = data
@@ -53,20 +78,32 @@ class File:
 
     @cached_property
     def data(self) -> bytes:
-        """The bytes, unpacked where they are gzipped.
+        """The bytes, unpacked where they are compressed (`packed.PACKINGS`).
 
-        Raises `FormatError` for a file that is missing, unreadable, a directory, empty, or a torn gzip.
+        Raises `FormatError` for a file that is missing, unreadable, a directory, empty, or torn.
         """
         return _read_bytes(self.path)
 
     @cached_property
     def text(self) -> str:
         """The text with ``\\n`` line ends. Raises `FormatError` where it is binary, or as `data` does."""
+        mark = next((mark for mark in BYTE_ORDER_MARKS if self.data.startswith(mark)), None)
         nul = self.data.find(b"\0")
-        if nul >= 0:
-            line = self.data.count(b"\n", 0, nul) + 1
-            raise FormatError("binary data, expected text", self.path, line)
-        return self.data.decode("utf-8", errors="replace").replace("\r\n", "\n")
+        if nul >= 0 and (mark is None or mark == codecs.BOM_UTF8):
+            raise self._binary(nul)
+        text = self.data.decode(BYTE_ORDER_MARKS[mark] if mark else "utf-8", errors="replace")
+        return text.replace("\r\n", "\n") if "\n" in text else text.replace("\r", "\n")
+
+    def _binary(self, nul: int) -> FormatError:
+        """What to say of a file whose byte ``nul`` is zero."""
+        kind = foreign.describe(self.data)
+        if kind is not None:
+            return FormatError(kind, self.path)
+        line = self.data.count(b"\n", 0, nul) + 1
+        message = "a zero byte, expected text: was the log cut off? remove what follows"
+        if line == 1 or CONTROL.search(self.data, 0, nul):
+            return FormatError("not text, and of no kind that is known here", self.path)
+        return FormatError(message, self.path, line)
 
     def lines(self) -> Iterator[tuple[int, str]]:
         """Every line with its number, from 1. Raises `FormatError` as `text` does."""
@@ -99,52 +136,79 @@ def _read_bytes(path: Path) -> bytes:
         raise FormatError("is a directory, expected a file", path) from None
     except OSError as error:
         raise FormatError(f"cannot be read: {error.strerror}", path) from None
-    if data.startswith(GZIP_MAGIC):
-        try:
-            data = gzip.decompress(data)
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise FormatError(f"torn gzip file ({error}), expected a complete one", path) from None
-    if not data.strip():
+    try:
+        data = packed.unpack(data)
+    except ValueError as error:
+        raise FormatError(str(error), path) from None
+    if not data or data.isspace():
         raise FormatError("the file is empty", path)
     return data
 
 
 def numbers(words: Sequence[str], what: str, path: Path, line: int) -> list[float]:
-    """The words as floats. Raises `FormatError` naming the first that is none, or is not finite."""
+    """The words as floats. Raises `FormatError` naming the first that is none, is not finite, or is beyond
+    `LARGEST`."""
     try:
         values = list(map(float, words))
     except ValueError:
         values = []
-    if len(values) != len(words) or not np.isfinite(values).all():
-        index, bad = next((i, word) for i, word in enumerate(words) if not _is_finite(word))
-        raise FormatError(f"{what}: value {index + 1} is {bad[:20]!r}, expected a finite number", path, line)
+    if len(values) != len(words) or not all(-LARGEST < v < LARGEST for v in values):
+        index, bad = next((i, word) for i, word in enumerate(words, start=1) if not _is_number(word))
+        raise FormatError(f"{what}: value {index} is {bad[:20]!r}, expected a finite number", path, line)
     return values
 
 
-def _is_finite(word: str) -> bool:
+def _is_number(word: str) -> bool:
     try:
-        return bool(np.isfinite(float(word)))
+        return -LARGEST < float(word) < LARGEST
     except ValueError:
         return False
 
 
-def range_matrix(rows: list[list[float]], lines: list[int], path: Path) -> Array:
-    """Ranges ``(N, B)`` [m] from one list per scan, each read in the line of the same index.
+def ranges_of(words: Sequence[str], what: str, path: Path, line: int) -> list[float]:
+    """The words as ranges [m], NaN for a beam without return: what is not finite, or negative.
 
-    Raises `FormatError` when there is no scan, the number of beams changes, or a range is negative.
+    Raises `FormatError` naming the first word that is no number.
     """
-    if not rows or not rows[0]:
+    try:
+        values = list(map(float, words))
+    except ValueError:
+        values = [_range(word, index, what, path, line) for index, word in enumerate(words, start=1)]
+    return [value if 0.0 <= value < math.inf else math.nan for value in values]
+
+
+def _range(word: str, index: int, what: str, path: Path, line: int) -> float:
+    try:
+        return math.nan if NOT_FINITE.fullmatch(word.strip()) else float(word)
+    except ValueError:
+        message = f"{what}: value {index} is {word[:20]!r}, expected metres"
+        raise FormatError(message, path, line) from None
+
+
+def whole(word: str, what: str, path: Path, line: int) -> int:
+    """The word as a count. Raises `FormatError` where it is none, or beyond `MOST`."""
+    if not (word.isascii() and word.isdecimal() and len(word) <= len(str(MOST))):
+        raise FormatError(f"{what} is {word[:20]!r}, expected a whole number", path, line)
+    return int(word)
+
+
+def range_matrix(rows: list[list[float]], lines: list[int], path: Path) -> tuple[Array, np.ndarray]:
+    """Ranges ``(N, B)`` [m] from one list per scan, each read in the line of the same index; and which scans
+    ``(N,)`` have as many as most: of the others the ranges are NaN.
+
+    Raises `FormatError` when there is no scan, or more than `ODD_SCANS` of them are of another number.
+    """
+    if not rows:
         raise FormatError("no range scans, expected at least one", path)
-    beams = len(rows[0])
-    for row, line in zip(rows, lines, strict=True):
-        if len(row) != beams:
-            raise FormatError(f"scan of {len(row)} ranges, expected {beams} as in the first scan", path, line)
-    ranges = np.array(rows)
-    if (ranges < 0.0).any():
-        scan, beam = np.argwhere(ranges < 0.0)[0]
-        message = f"range {beam + 1} is {ranges[scan, beam]:g}, expected metres >= 0"
-        raise FormatError(message, path, lines[scan])
-    return ranges
+    counts = np.array([len(row) for row in rows])
+    beams = Counter(counts.tolist()).most_common(1)[0][0]
+    kept = counts == beams
+    if np.mean(~kept) > ODD_SCANS or beams == 0:
+        odd = int(np.argmax(~kept if beams else kept))
+        expected = f"{beams} as most scans have" if beams else "at least one"
+        raise FormatError(f"scan of {counts[odd]} ranges, expected {expected}", path, lines[odd])
+    empty = [np.nan] * beams
+    return np.array([row if as_most else empty for row, as_most in zip(rows, kept, strict=True)]), kept
 
 
 def printable_ranges(ranges: Array, laser: Laser, decimals: int) -> Array:
@@ -162,6 +226,6 @@ def printable_ranges(ranges: Array, laser: Laser, decimals: int) -> Array:
 def recording_name(path: Path) -> str:
     """``intel.raw`` for ``intel.raw.log.gz``."""
     name = path.name
-    for suffix in (".gz", ".log", ".txt", ".npz", ".db3", ".mcap", ".bag"):
+    for suffix in (*packed.SUFFIXES, ".log", ".txt", ".npz", ".bag", ".db3", ".mcap"):
         name = name.removesuffix(suffix)
     return name or path.name

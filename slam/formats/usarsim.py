@@ -16,8 +16,17 @@ from typing import NoReturn
 
 import numpy as np
 
+from slam.formats import field_of_view as fov
 from slam.formats.pose_records import PoseRecords
-from slam.formats.text import File, FormatError, numbers, printable_ranges, range_matrix, recording_name
+from slam.formats.text import (
+    File,
+    FormatError,
+    numbers,
+    printable_ranges,
+    range_matrix,
+    ranges_of,
+    recording_name,
+)
 from slam.recording import Laser, Recording, Source
 from slam.se2 import Array, rotation, wrap
 
@@ -36,7 +45,10 @@ NEAREST = "nearest"
 SCANNER = "Scanner1"
 """What our own logs call the laser."""
 
-MESSAGE = re.compile(r"^(# UvA Rescue Team|(SEN|STA|MISSTA|GEO|CONF|NFO|INIT) \{)", re.MULTILINE)
+CLOCK = r"(?:[\d:.,TZ/()\[\]-]+ +){0,2}"
+"""Some logs begin each line with the time of the computer that wrote it."""
+MESSAGE = re.compile(rf"^(# UvA Rescue Team|{CLOCK}(SEN|STA|MISSTA|GEO|CONF|NFO|INIT) \{{)", re.MULTILINE)
+LEADING_CLOCK = re.compile(rf"^{CLOCK}(?=[A-Z]+ \{{)")
 TORN_LINE = "line ends in {!r}, expected a closing brace: cut in the middle?"
 FIELD = re.compile(r"\{(\w+) +([^{}]*)\}")
 TIME = re.compile(r"\{Time +([^{} ]+) *\}")
@@ -57,6 +69,7 @@ class _Log:
     now: float = np.nan
     spawn_yaw: float = 0.0
     scanner: str | None = None
+    silent: set[str] = field(default_factory=set)  # further scanners
     scan: dict[str, str] = field(default_factory=dict)
     scan_times: list[float] = field(default_factory=list)
     scan_lines: list[int] = field(default_factory=list)
@@ -73,7 +86,7 @@ def recognise(file: File) -> bool:
 
 
 def read(source: File | str | PathLike[str]) -> Recording:
-    """Read a USARSim log, plain or gzipped.
+    """Read a USARSim log, plain or compressed.
 
     Dead reckoning is the INS where there is one, else the odometry, interpolated in time at the scans. Of a
     robot with several range scanners the first to speak is read. Raises `FormatError` naming file and line.
@@ -84,7 +97,7 @@ def read(source: File | str | PathLike[str]) -> Recording:
     for number, line in file.lines():
         _read_line(log, line, number)
     _check_last_line(file.text, path)
-    ranges = range_matrix(log.rows, log.scan_lines, path)
+    ranges, kept = range_matrix(log.rows, log.scan_lines, path)
     time = _scan_times(log)
     laser = _laser(log)
     stated = "MaxRange" in log.devices.get(log.scanner or "", {})
@@ -92,18 +105,24 @@ def read(source: File | str | PathLike[str]) -> Recording:
     ranges[(ranges >= farthest) | (ranges < laser.range_min)] = np.nan
     ranges += _cut_off(log)
     source, reckoned = _dead_reckoning(log, time)
+    angles = _angles(log, ranges.shape[1], file.field_of_view)
+    why = "stated" if file.field_of_view is None else "--field-of-view"
+    notes = [f"range scanner {log.scanner or 'without a name'}, {fov.describe(angles)} ({why})"]
+    if log.silent:
+        notes.append(f"left out {', '.join(sorted(log.silent))}")
     truth = log.poses["GroundTruth"]
     return Recording(
         name=recording_name(path),
         time=time,
         ranges=ranges,
-        angles=_angles(log, ranges.shape[1]),
+        angles=angles,
         laser=laser,
         dead_reckoning=_planar(reckoned),
         source=source,
         attitude=reckoned[:, 3:5] if source == "ins" else None,
         truth=_planar(truth.at_scans(time)) if truth.times else None,
-    )
+        notes=tuple(notes),
+    ).with_scans(kept)
 
 
 def write(path: str | PathLike[str], recording: Recording) -> None:
@@ -175,6 +194,8 @@ def _pose_line(stamp: str, kind: str, pose: tuple[float, ...]) -> str:
 
 
 def _read_line(log: _Log, line: str, number: int) -> None:
+    if line[:1].isdigit() or line[:1] in ("[", "("):
+        line = LEADING_CLOCK.sub("", line)
     word = line[:4]
     if word not in ("SEN ", "STA ", "GEO ", "CONF", "INIT", "MISS"):
         return
@@ -219,8 +240,9 @@ def _read_scan(log: _Log, fields: dict[str, str], number: int, time: float) -> N
     if log.scanner is None:
         log.scanner, log.scan = name, fields
     if name != log.scanner:
+        log.silent.add(name)
         return
-    log.rows.append(numbers(fields["Range"].split(","), "Range", log.path, number))
+    log.rows.append(ranges_of(fields["Range"].split(","), "Range", log.path, number))
     log.scan_times.append(time)
     log.scan_lines.append(number)
     for poses in log.poses.values():
@@ -293,35 +315,39 @@ def _cut_off(log: _Log) -> float:
     """What printing takes from a range [m]: half the last digit on average."""
     if log.devices.get(log.scanner or "", {}).get("Rounding", (0, ""))[1] == NEAREST:
         return 0.0
-    decimals = max(len(word.strip().partition(".")[2]) for word in log.scan["Range"].split(","))
+    printed = [word.strip().partition(".")[2] for word in log.scan["Range"].split(",")]
+    decimals = max((len(digits) for digits in printed if digits.isdigit()), default=0)
     return 0.5 * 10.0**-decimals if decimals else 0.0
 
 
-def _angles(log: _Log, beams: int) -> Array:
-    """Beam angles ``(B,)``, from -FOV/2 up.
+def _angles(log: _Log, beams: int, stated: float | None) -> Array:
+    """Beam angles ``(B,)``, from -FOV/2 up; a FOV beyond a full turn of radians is in degrees.
 
     The simulator steps by a whole number of rotator units until it passes +FOV/2, so the last beam may fall
     short of it. The printed Resolution is rounded: the step is the one that gives this many beams. Our own
-    logs print it in full.
+    logs print it in full. What the user ``stated`` [degrees] comes first.
     """
     line = log.scan_lines[0]
-    for name in ("FOV", "Fov"):
-        if name in log.scan:
-            fov = numbers([log.scan[name]], name, log.path, line)[0]
-            break
-    else:
-        _fail(log, line, "RangeScanner without {FOV radians}")
-    if beams < 2 or not 0.0 < fov < 6.3:
-        _fail(log, line, f"{beams} beams over {fov:g} rad, expected at least 2 over at most a full turn")
+    if stated is not None:
+        return fov.angles(beams, stated)
+    name = next((name for name in ("FOV", "Fov") if name in log.scan), None)
+    if name is None:
+        _fail(log, line, "RangeScanner without {FOV radians}: state it, --field-of-view DEG")
+    field_of_view = numbers([log.scan[name]], name, log.path, line)[0]
+    if 6.3 <= field_of_view <= 360.0:
+        return np.linspace(-0.5, 0.5, beams) * np.radians(field_of_view)
+    if beams < 2 or not 0.0 < field_of_view < 6.3:
+        spread = f"{beams} beams over {field_of_view:g} rad"
+        _fail(log, line, f"{spread}, expected at least 2 over at most a full turn")
     if "Resolution" in log.scan:
         printed = numbers([log.scan["Resolution"]], "Resolution", log.path, line)[0]
         if len(log.scan["Resolution"].partition(".")[2]) > 4 and 0.0 < printed * (beams - 1) < 6.3:
-            return -0.5 * fov + printed * np.arange(beams)
+            return -0.5 * field_of_view + printed * np.arange(beams)
         around = np.arange(np.ceil((printed - 5e-5) / ROTATOR_UNIT), (printed + 5e-5) / ROTATOR_UNIT)
         for step in around[around > 0] * ROTATOR_UNIT:
-            if int(fov / step) + 1 == beams:
-                return -0.5 * fov + step * np.arange(beams)
-    return np.linspace(-0.5 * fov, 0.5 * fov, beams)
+            if int(field_of_view / step) + 1 == beams:
+                return -0.5 * field_of_view + step * np.arange(beams)
+    return np.linspace(-0.5 * field_of_view, 0.5 * field_of_view, beams)
 
 
 def _triple(log: _Log, line: int, what: str, text: str | None) -> list[float]:

@@ -14,7 +14,15 @@ from numba import njit
 
 from slam import se2
 from slam.graph.cholesky import Factor, Structure
-from slam.graph.pose_graph import ANCHOR_SIGMAS, CAUCHY, DEFAULT_GNC, GncConfig, PoseGraph, Solution
+from slam.graph.pose_graph import (
+    ANCHOR_SIGMAS,
+    CAUCHY,
+    DEFAULT_GNC,
+    GncConfig,
+    PoseGraph,
+    Solution,
+    chi_squared,
+)
 from slam.se2 import Array
 
 ITERATIONS = 20
@@ -112,13 +120,6 @@ class Problem:
         edges = (graph.edges, graph.T_ij, graph.information, np.asarray(weights, dtype=np.float64), scales)
         ins = (steps.edges, steps.displacement, steps.variance)
         return edges, ins, (graph.poses[0], np.array(ANCHOR_SIGMAS) ** -2)
-
-
-def chi_squared(graph: PoseGraph, poses: Array) -> Array:
-    """Squared normalised residual ``(E,)`` of every edge at ``poses (K, 3)``."""
-    i, j = graph.edges.T
-    residual = se2.log(se2.between(graph.T_ij, se2.between(poses[i], poses[j])))
-    return np.einsum("ea,eab,eb->e", residual, graph.information, residual)
 
 
 def solve_gnc(graph: PoseGraph, known: Array | None = None, config: GncConfig = DEFAULT_GNC) -> Solution:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -20,6 +21,15 @@ RELINEARISATIONS = 5
 
 SETTLED = 1e-3
 """Largest change of a pose (m, rad) at which such rounds end."""
+
+FAR_OFF = 9.0
+"""Mean χ² of an edge's residuals, at the given poses, from which on LAGO's poses are tried too."""
+
+NOTHING = 1e-9
+"""χ² of a graph whose edges agree."""
+
+LARGEST_SIGMA = 1e6
+"""Of a direction (m, m, rad) in which an edge knows nothing, as LAGO is told it."""
 
 CAUCHY = 2.385
 """Scale, in standard deviations, of the Cauchy kernel of heavy-tailed edges: 95 % efficient on Gaussian
@@ -128,20 +138,26 @@ class PoseGraph:
 
 @dataclass(frozen=True)
 class Solution:
-    """Optimised ``poses (K, 3)`` and ``weights (L,)`` of the loops in their order: 1 kept, 0 switched off."""
+    """Optimised ``poses (K, 3)`` and the ``weights (L,)`` left to the loop edges in their order (1 kept, 0
+    switched off); ``note`` says in a line where they are no better than those that were given.
+    """
 
     poses: Array
     weights: Array
+    note: str = ""
 
 
 def optimise(graph: PoseGraph, loss: Loss = "gnc", gnc: GncConfig = DEFAULT_GNC) -> Solution:
     """Most likely poses of the graph by gtsam's Levenberg-Marquardt, robust against false loops.
 
     ``gnc``: graduated non-convexity with truncated least squares (Yang et al. 2020) over the loops, all
-    other edges known inliers; ``none``: plain least squares. An INS's steps are linearised anew up to
-    `RELINEARISATIONS` times. Raises ``ValueError`` when an edge's information is not positive
-    semi-definite, which gtsam would accept.
+    other edges known inliers; ``none``: plain least squares. From poses that are `FAR_OFF` the way down is
+    long, and may end in a pit or not begin; there it also begins at LAGO's (Carlone et al. 2014), and the
+    lower end counts. Parts that no edge connects keep their first pose. An INS's steps are linearised anew up
+    to `RELINEARISATIONS` times. Raises ``ValueError`` when an edge's information is not positive
+    semi-definite, which gtsam would accept, and when it ends where it begins.
     """
+    _refuse(graph.edges, graph.edges[:, 0] == graph.edges[:, 1], "end", "another node")
     _refuse(graph.edges, ~np.all(np.isfinite(graph.information), axis=(1, 2)), "information", "finite")
     lowest = _eigenvalues(graph.information)
     indefinite = lowest[:, 0] < -1e-6 * np.maximum(lowest[:, 2], 1.0)
@@ -154,7 +170,11 @@ def optimise(graph: PoseGraph, loss: Loss = "gnc", gnc: GncConfig = DEFAULT_GNC)
         change = se2.between(before, poses)
         if len(graph.world_steps) == 0 or np.max(np.abs(change)) < SETTLED:
             break
-    return Solution(poses, weights)
+    first, last = (float(chi_squared(graph, p).sum()) for p in (graph.poses, poses))
+    note = ""
+    if last >= first > NOTHING and not len(graph.world_steps) and not np.any(graph.loop):
+        note = f"the cost did not go down: chi-squared {first:.6g} before, {last:.6g} after"
+    return Solution(poses, weights, note)
 
 
 def informations(edges: np.ndarray, covariance: Array) -> Array:
@@ -186,7 +206,7 @@ def _solve(graph: PoseGraph, loss: Loss, gnc: GncConfig) -> tuple[Array, Array]:
     factors, initial = to_gtsam(graph)
     loops = np.flatnonzero(graph.loop)
     if loss == "none" or not len(loops):
-        solved = gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()
+        solved = _descend(graph, factors, initial)
         return gtsam.utilities.extractPose2(solved), np.ones(len(loops))
     parameters = gtsam.GncLMParams(gtsam.LevenbergMarquardtParams())
     parameters.setLossType(gtsam.GncLossType.TLS)
@@ -199,10 +219,83 @@ def _solve(graph: PoseGraph, loss: Loss, gnc: GncConfig) -> tuple[Array, Array]:
     return poses, np.asarray(optimizer.getWeights())[loops]
 
 
+def _descend(graph: PoseGraph, factors: Any, initial: Any) -> Any:
+    """gtsam's values where Levenberg-Marquardt ends, from the given poses or from LAGO's."""
+    import gtsam
+
+    values = gtsam.LevenbergMarquardtOptimizer(factors, initial).optimize()
+    far_off = not len(graph.world_steps) and len(graph.edges) > 0
+    if far_off and np.mean(chi_squared(graph, graph.poses)) / 3.0 > FAR_OFF:
+        start = _lago(graph)
+        if start is not None:
+            other = gtsam.LevenbergMarquardtOptimizer(factors, start).optimize()
+            if factors.error(other) < factors.error(values):
+                return other
+    return values
+
+
+def _lago(graph: PoseGraph) -> Any:
+    """gtsam's values of the poses whose orientations a linear problem gives, which needs no guess; None where
+    it has no solution. LAGO takes diagonal noise only."""
+    import gtsam
+
+    factors = gtsam.NonlinearFactorGraph()
+    precision = np.diagonal(graph.information, axis1=1, axis2=2)
+    for (i, j), T, sigmas in zip(
+        graph.edges, graph.T_ij, np.maximum(precision, LARGEST_SIGMA**-2) ** -0.5, strict=True
+    ):
+        noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
+        factors.add(gtsam.BetweenFactorPose2(int(i), int(j), gtsam.Pose2(*T), noise))
+    for k in anchors(graph):
+        factors.add(anchor_factor(graph.poses[k], k))
+    try:
+        return gtsam.lago.initialize(factors)
+    except (RuntimeError, ValueError, IndexError):  # what gtsam's exceptions become
+        return None
+
+
+def anchors(graph: PoseGraph) -> list[int]:
+    """The first node of every part of the graph that no edge, nor an INS's step, connects with another."""
+    told = np.any(graph.information != 0.0, axis=(1, 2))
+    edges = np.concatenate([graph.edges[told].reshape(-1, 2), graph.world_steps.edges])
+    parts = _parts(len(graph.poses), edges)
+    return np.unique(parts, return_index=True)[1].tolist()
+
+
+def _parts(nodes: int, edges: np.ndarray) -> np.ndarray:
+    """Number of the part ``(K,)`` that each node is in."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    i, j = edges.T
+    return connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(nodes, nodes)), directed=False)[1]
+
+
+def spanning_tree_poses(nodes: int, edges: np.ndarray, T_ij: Array) -> Array:
+    """Poses ``(K, 3)`` strung together from the first node of every part, along as few edges as possible."""
+    neighbours: list[list[tuple[int, Array]]] = [[] for _ in range(nodes)]
+    for (i, j), T, T_back in zip(edges.tolist(), T_ij, se2.inverse(T_ij), strict=True):
+        neighbours[i].append((j, T))
+        neighbours[j].append((i, T_back))
+    poses = np.full((nodes, 3), np.nan)
+    for root in range(nodes):
+        if np.isfinite(poses[root, 0]):
+            continue
+        poses[root] = 0.0
+        queue = deque([root])
+        while queue:
+            node = queue.popleft()
+            for other, T in neighbours[node]:
+                if np.isnan(poses[other, 0]):
+                    poses[other] = se2.compose(poses[node], T)
+                    queue.append(other)
+    return poses
+
+
 def to_gtsam(graph: PoseGraph) -> tuple[Any, Any]:
     """gtsam's ``NonlinearFactorGraph`` and ``Values`` of a graph, loops counting fully.
 
-    Edge e of the graph is factor e; the prior of node 0 and the INS's steps follow.
+    Edge e of the graph is factor e; the priors of `anchors` and the INS's steps follow.
     """
     import gtsam
 
@@ -211,7 +304,8 @@ def to_gtsam(graph: PoseGraph) -> tuple[Any, Any]:
         graph.edges, graph.T_ij, graph.information, graph.heavy_tailed, strict=True
     ):
         factors.add(between_factor(int(i), int(j), T, information, heavy_tailed))
-    factors.add(anchor_factor(graph.poses[0]))
+    for k in anchors(graph):
+        factors.add(anchor_factor(graph.poses[k], k))
     _add_world_steps(factors, graph.world_steps, graph.poses)
     values = gtsam.Values()
     for k, pose in enumerate(graph.poses):
@@ -230,12 +324,12 @@ def between_factor(i: int, j: int, T_ij: Array, information: Array, heavy_tailed
     return gtsam.BetweenFactorPose2(i, j, gtsam.Pose2(*T_ij), noise)
 
 
-def anchor_factor(pose: Array) -> Any:
-    """gtsam's prior that pins node 0 at ``pose (3,)``."""
+def anchor_factor(pose: Array, node: int = 0) -> Any:
+    """gtsam's prior that pins a node at ``pose (3,)``."""
     import gtsam
 
     noise = gtsam.noiseModel.Diagonal.Sigmas(np.array(ANCHOR_SIGMAS))
-    return gtsam.PriorFactorPose2(0, gtsam.Pose2(*pose), noise)
+    return gtsam.PriorFactorPose2(node, gtsam.Pose2(*pose), noise)
 
 
 def _add_world_steps(factors: Any, steps: WorldSteps, poses: Array) -> None:
@@ -255,3 +349,10 @@ def _add_world_steps(factors: Any, steps: WorldSteps, poses: Array) -> None:
         at.insert(int(i), gtsam.Pose2(*poses[i]))
         at.insert(int(j), gtsam.Pose2(*poses[j]))
         factors.add(gtsam.LinearContainerFactor(row, at))
+
+
+def chi_squared(graph: PoseGraph, poses: Array) -> Array:
+    """Squared normalised residual ``(E,)`` of every edge at ``poses (K, 3)``."""
+    i, j = graph.edges.T
+    residual = se2.log(se2.between(graph.T_ij, se2.between(poses[i], poses[j])))
+    return np.einsum("ea,eab,eb->e", residual, graph.information, residual)

@@ -31,8 +31,8 @@ INS = "SEN {Time 1.0} {Type INS} {Name I} {Location 1.0,2.0,0.0} {Orientation 0.
 BAD_LOGS = {
     "empty": (b"", "the file is empty"),
     "only blanks": (b" \n\n", "the file is empty"),
-    "binary": (np.random.default_rng(0).bytes(4000), "binary data, expected text"),
-    "some other text": (b"once upon a time\n", "not a recording: expected"),
+    "binary": (np.random.default_rng(0).bytes(4000), "not text, and of no kind that is known"),
+    "some other text": (b"once upon a time\n", "not a recording: expected .*a USARSim log or a CARMEN log"),
     "a gzip torn off": (gzip.compress(LOG.encode())[:60], "torn gzip"),
     "a zip torn off": (b"PK\x03\x04 and no more", "expected a recording.npz"),
     "cut in the middle of a line": (LOG[:-700].encode(), r":5: .*cut in the middle\?"),
@@ -40,15 +40,15 @@ BAD_LOGS = {
     "USARSim cut in the middle of a line": ((INS + SCANNER)[:-9].encode(), r":2: .*cut in the middle\?"),
     "no range scans": ((odom(0) + odom(1)).encode(), "no range scans"),
     "USARSim without range scans": (INS.encode(), "no range scans"),
-    "range that is NaN": (
-        (LOG + flaser(5, ["nan"] * BEAMS)).encode(),
-        ":6: .*'nan', expected a finite number",
-    ),
     "range that is no number": (
         (LOG + flaser(5, ["x"] * BEAMS)).encode(),
-        ":6: .*'x', expected a finite number",
+        ":6: .*'x', expected metres",
     ),
-    "negative range": ((LOG + flaser(5, [-1.0] * BEAMS)).encode(), ":6: range 1 is -1, expected metres >= 0"),
+    "no beam that returns": (
+        "".join(flaser(k, ["nan", -1.0] * 90) for k in range(5)).encode(),
+        "no beam of 5 scans returned, expected ranges from 0.1 to 80 m",
+    ),
+    "a ROS 1 bag by another name": (b"#ROSBAG V2.0\n\0\0", "a ROS 1 bag"),
     "ranges of changing length": (
         (LOG + flaser(5, [2.0] * 181)).encode(),
         ":6: scan of 181 ranges, expected 180",
@@ -56,6 +56,11 @@ BAD_LOGS = {
 }
 
 BAD_OPTIONS = {
+    "field of view of a scenario": (["hospital", "--field-of-view", "180"], "--field-of-view is for logs"),
+    "field of view of no laser": (
+        ["good.log", "--field-of-view", "361"],
+        "expected degrees up to 360, got 361",
+    ),
     "nothing": ([], "expected a scenario or a log; scenarios: hospital"),
     "unknown scenario": (["hopsital"], r"unknown scenario 'hopsital': did you mean 'hospital'\?"),
     "nothing like a scenario": (["zzz"], "unknown scenario 'zzz': expected one of hospital"),

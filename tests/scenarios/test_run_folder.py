@@ -7,7 +7,8 @@ import pytest
 
 from scenarios.jsonable import document, jsonable
 from scenarios.report.page import facts
-from scenarios.run_folder.directory import check, prepare, publish, safe_name
+from scenarios.run import run_name
+from scenarios.run_folder.directory import check, fingerprint, prepare, publish, safe_name, vacant_name
 from scenarios.run_folder.write import Run, segments, stitches
 from slam.cli import InputError
 from slam.mapping.occupancy import Grid
@@ -117,6 +118,54 @@ def test_a_link_to_nowhere_is_no_folder(tmp_path):
     (tmp_path / "runs").symlink_to(tmp_path / "nowhere")
     with pytest.raises(InputError, match="is not a folder"):
         check(tmp_path / "runs", "a")
+
+
+def test_recordings_of_one_name_have_runs_of_their_own(tmp_path):
+    """The same recording again has its own run's name, also from elsewhere and after others."""
+    runs = tmp_path / "runs"
+    marks = []
+    for folder, content in (("a", "one"), ("b", "another"), ("c", "one")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "drive.log").write_text(content)
+        marks.append(fingerprint(tmp_path / folder / "drive.log"))
+    assert marks[0] == marks[2] != marks[1]
+    for mark, expected in zip(marks * 2, ["drive", "drive-2", "drive"] * 2, strict=True):
+        name = vacant_name(runs, "drive", mark)
+        assert name == expected
+        (runs / name).mkdir(parents=True, exist_ok=True)
+        (runs / name / "config.json").write_text(json.dumps({"fingerprint": mark}))
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", "null", "no json"])
+def test_a_run_that_does_not_tell_its_recording_may_be_replaced(tmp_path, content):
+    (tmp_path / "drive").mkdir()
+    (tmp_path / "drive/config.json").write_text(content)
+    assert vacant_name(tmp_path, "drive", "abc") == "drive"
+
+
+def test_maps_are_told_apart_by_their_image(tmp_path):
+    marks = set()
+    for folder, shade in (("a", b"0"), ("b", b"1")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "map.yaml").write_text("image: map.pgm\n")
+        (tmp_path / folder / "map.pgm").write_bytes(shade)
+        marks.add(fingerprint(tmp_path / folder / "map.yaml"))
+    assert len(marks) == 2
+
+
+@pytest.mark.parametrize(
+    ("target", "name"),
+    [
+        ("hospital", "hospital"),
+        ("logs/drive.2024.log", "drive.2024"),
+        ("drive.2025.log.gz", "drive.2025"),
+        ("intel.raw.log.gz", "intel"),
+        ("rosbag2_2024.01.02", "rosbag2_2024.01.02"),
+        ("maps/floor.1.yaml", "floor.1"),
+    ],
+)
+def test_a_run_is_named_after_all_that_tells_recordings_apart(target, name):
+    assert run_name(target) == name
 
 
 def test_a_log_has_no_seed():

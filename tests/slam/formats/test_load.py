@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
+import lzma
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from slam.formats import FORMATS, Format, FormatError, load, recording_npz, relations
+from slam.formats import FORMATS, Format, FormatError, load, packed, recording_npz, relations
+from slam.formats.packed import PACKINGS
 from slam.formats.text import File
 from slam.recording import Laser, Recording
 
+ZSTD = import_module(PACKINGS[b"\x28\xb5\x2f\xfd"][1])
 HEADER = "# UvA Rescue Team Logfile\n"
 USARSIM = HEADER + (
     "SEN {Time 1.0} {Type INS} {Name I} {Location 1.0,2.0,0.0} {Orientation 0.0,0.0,0.5}\n"
@@ -23,13 +28,16 @@ CARMEN = f"FLASER 181 {'1.5 ' * 181}0 0 0 0 0 0 1.0 host 1.0\n"
 RELATIONS = "1.0 2.0 0.5 0.25 9.0 0.1 0.2 -1.5\n# comment\n\n2.0 3.0 0 0 0 0 0 0.125\n"
 
 
-@pytest.mark.parametrize("name", ["a.log", "a.txt", "a", "a.log.gz"])
+PACK = {"gz": gzip.compress, "bz2": bz2.compress, "xz": lzma.compress, "zst": ZSTD.compress}
+
+
+@pytest.mark.parametrize("name", ["a.log", "a.txt", "a", "a.log.gz", "a.log.bz2", "a.log.xz", "a.txt.zst"])
 @pytest.mark.parametrize(("text", "beams"), [(USARSIM, 5), (CARMEN, 181)])
 def test_format_is_recognised_by_content_not_by_name(
     tmp_path: Path, name: str, text: str, beams: int
 ) -> None:
     path = tmp_path / name
-    path.write_bytes(gzip.compress(text.encode()) if name.endswith("gz") else text.encode())
+    path.write_bytes(PACK.get(name.rpartition(".")[2], bytes)(text.encode()))
     recording = load(path)
     assert recording.ranges.shape == (1, beams)
     assert recording.name == "a"
@@ -82,6 +90,26 @@ def test_line_ends_of_windows(tmp_path: Path) -> None:
         np.testing.assert_array_equal(load(tmp_path / "a.log").ranges, load(tmp_path / "b.log").ranges)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+def test_encodings_of_windows(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "a.log").write_bytes(f"# Größe\n{USARSIM}".encode(encoding))
+    assert load(tmp_path / "a.log").ranges.shape == (1, 5)
+
+
+def test_what_unpacks_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packed, "MAX_BYTES", 1000)
+    (tmp_path / "a.log.gz").write_bytes(gzip.compress(bytes(10_000)))
+    with pytest.raises(FormatError, match="compressed with gzip, more than 1,000 bytes: unpack it first"):
+        load(tmp_path / "a.log.gz")
+
+
+def test_a_file_that_states_its_angles_needs_none(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_text(CARMEN)
+    recording_npz.write(tmp_path / "b", load(tmp_path / "a.log"))
+    with pytest.raises(FormatError, match=r"recording.npz states its field of view"):
+        load(tmp_path / "b", field_of_view=90.0)
+
+
 def test_npz_is_recognised(tmp_path: Path) -> None:
     (tmp_path / "a.log").write_text(CARMEN)
     recording_npz.write(tmp_path / "b", load(tmp_path / "a.log"))
@@ -103,13 +131,24 @@ def test_relations_come_along(tmp_path: Path) -> None:
         (b"", "the file is empty"),
         (b" \n\n", "the file is empty"),
         (gzip.compress(b""), "the file is empty"),
-        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "binary data, expected text"),
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "a PNG image: a map is read by the yaml beside it"),
+        (b"#ROSBAG V2.0\nE\0\0\0", "a ROS 1 bag: "),
+        (b"7z\xbc\xaf\x27\x1c\0\4", "compressed with 7-Zip: unpack it"),
+        (b"drive.log" + bytes(248) + b"ustar  \0", "a tar archive: unpack it"),
+        (gzip.compress(b"drive.log" + bytes(248) + b"ustar  \0"), "a tar archive: unpack it"),
+        (b"\7\0\0\1", "not text, and of no kind that is known here"),
+        (b"VERTEX_SE2 0 0 0 0\n", "a pose graph"),
+        (b"image: a.pgm\n", "the yaml of a ROS map: name it NAME.yaml"),
+        (f"FLASER 180 {'0.01 ' * 180}0 0 0 0 0 0 1.0 host 1.0\n".encode(), "no beam of 1 scans returned"),
         (
             bytes(range(1, 256)) * 4,
             "not a recording: expected a ROS bag, a recording.npz, a USARSim log or a CARMEN log",
         ),
-        (USARSIM.encode() + b"\0\0", ":4: binary data, expected text"),
+        (USARSIM.encode() + b"\0\0", ":4: a zero byte, expected text: was the log cut off"),
         (gzip.compress(CARMEN.encode())[:-20], "torn gzip file"),
+        (bz2.compress(CARMEN.encode())[:-20], "torn bzip2 file"),
+        (lzma.compress(CARMEN.encode())[:-20], "torn xz file"),
+        (ZSTD.compress(CARMEN.encode())[:-20], "torn Zstandard file"),
         (gzip.compress(CARMEN.encode())[:30], "torn gzip file"),
         (b"\x1f\x8b", "torn gzip file"),
         (b"PK\x03\x04 and then nothing", "torn or foreign npz"),

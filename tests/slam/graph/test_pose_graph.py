@@ -10,8 +10,16 @@ import pytest
 from scipy.stats import chi2
 
 from slam import se2
-from slam.graph.gauss_newton import chi_squared, marginals
-from slam.graph.pose_graph import GncConfig, PoseGraph, WorldSteps, informations, optimise
+from slam.graph.gauss_newton import marginals
+from slam.graph.pose_graph import (
+    GncConfig,
+    PoseGraph,
+    WorldSteps,
+    anchors,
+    chi_squared,
+    informations,
+    optimise,
+)
 from slam.se2 import Array
 
 Rms = Callable[[Array, Array], float]
@@ -65,6 +73,46 @@ def with_loops(
 
 GOOD = [(0, 28), (7, 35), (20, 48)]
 FALSE = [(3, 18), (10, 40), (15, 55)]
+
+
+def test_from_far_off_the_lowest_cost_is_found_all_the_same() -> None:
+    """Levenberg-Marquardt alone ends elsewhere from any of these starts."""
+    truth, odometry = noisy_square()
+    graph = with_loops(odometry, truth, [(k, k + 28) for k in range(0, 32, 4)], [])
+    graph = replace(graph, loop=np.zeros(len(graph.edges), dtype=bool))
+    best = chi_squared(graph, optimise(graph).poses).sum()
+    rng = np.random.default_rng(0)
+    for astray in (np.zeros_like(truth), rng.normal(0.0, 50.0, truth.shape)):
+        solution = optimise(replace(graph, poses=astray))
+        assert chi_squared(graph, solution.poses).sum() == pytest.approx(best, rel=1e-3)
+        assert not solution.note
+
+
+def test_a_cost_that_did_not_go_down_is_told() -> None:
+    truth, odometry = noisy_square()
+    graph = with_loops(odometry, truth, [(0, 28), (7, 35)], [])
+    graph = replace(graph, loop=np.zeros(len(graph.edges), dtype=bool))
+    settled = optimise(graph)
+    assert not settled.note
+    again = replace(graph, poses=optimise(replace(graph, poses=settled.poses)).poses)
+    assert "the cost did not go down" in optimise(again).note
+
+
+def test_an_edge_that_ends_where_it_begins_is_refused() -> None:
+    with pytest.raises(ValueError, match="the end of edge 4-4 is not another node"):
+        optimise(noisy_square()[1].with_loops(np.array([[4, 4]]), np.zeros((1, 3)), np.eye(3)[None]))
+
+
+def test_parts_that_nothing_connects_keep_their_first_pose() -> None:
+    """Two pieces of a drive; an edge that knows nothing connects nothing."""
+    truth, odometry = noisy_square(1)
+    information = odometry.information.copy()
+    information[29] = 0.0
+    apart = replace(odometry, information=information, poses=truth)
+    assert anchors(apart) == [0, 30]
+    poses = optimise(apart).poses
+    np.testing.assert_allclose(poses[[0, 30]], truth[[0, 30]], atol=1e-6)
+    np.testing.assert_allclose(chi_squared(apart, poses), 0.0, atol=1e-9)
 
 
 def test_gnc_keeps_the_good_loops_and_drops_the_false(rms: Rms) -> None:
