@@ -85,6 +85,12 @@ CASES = {
     "slam.mount.cauchy": Case(1.0, "mounted", given=FAIR_MOUNT),
     "slam.mount.max_sigma": Case(1e-4, "mounted"),
     "slam.mount.min_distance": Case(1e9, "mounted"),
+    "slam.mount.max_match_sigma": Case(1e-5, "mounted"),
+    "slam.mount.correlated": Case(30, "mounted", "mount", given=FAIR_MOUNT),
+    "slam.mount.max_yaw_sigma": Case(1e-7, "mounted"),
+    "slam.mount.max_yaw": Case(1e-6, "mounted", given=FAIR_MOUNT),
+    "slam.mount.min_matched": Case(1.01, "mounted", given=FAIR_MOUNT),
+    "slam.mount.max_scale": Case(1.0001, "mounted"),
     "slam.ego_motion_filter.min_shift": Case(0.5),
     "slam.ego_motion_filter.max_scans": Case(1),
     "slam.ego_motion_filter.same_place": Case(0.3),
@@ -293,7 +299,7 @@ def drive(walls: Array, source: Source, mount: Array, blind: slice, tilted: slic
     attitude = np.zeros((N, 2))
     attitude[tilted, 0] = np.radians(9.0)
     reckoned = inertial(rng) if source == "ins" else wheels(rng)
-    stated = replace(LASER, mount_stated=not np.any(mount))
+    stated = replace(LASER, mount_source="" if np.any(mount) else "made")
     time = 0.2 * np.arange(N)
     recording = Recording(source, time, ranges, ANGLES, stated, reckoned, "odometry", attitude=attitude)
     return recording.without_dead_reckoning() if source == "none" else replace(recording, source=source)
@@ -370,6 +376,7 @@ def answer_of(estimate: Estimate | NoEstimate) -> Answer:
         "reason": "",
         "poses": estimate.poses,
         "on the way": estimate.poses if estimate.online is None else estimate.online.poses,
+        "mount": np.zeros(0) if estimate.laser_mount is None else estimate.laser_mount.sigma,
         "steps": tracked.covariance,
         "innovation": tracked.confidence["innovation"],
         "submaps": np.concatenate(

@@ -37,6 +37,8 @@ def topics(path: Path) -> list[tuple[str, str]]:
     for file in _files(path):
         with _reader(file) as (reader, _):
             for connection in reader.connections:
+                if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
+                    raise FormatError(f"not a readable bag: a topic is called {connection.topic!r}", file)
                 count[connection.topic, connection.msgtype] += connection.msgcount
     return sorted(topic for topic, messages in count.items() if messages)
 
