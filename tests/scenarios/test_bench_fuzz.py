@@ -12,6 +12,7 @@ from scenarios.bench import __main__ as command
 from scenarios.bench.fuzzing import worker
 from scenarios.bench.fuzzing.mutations import MUTATIONS
 from scenarios.bench.fuzzing.samples import samples
+from scenarios.bench.result import BenchmarkOptions
 from scenarios.bench.suite import fuzz
 from slam.cli import main
 from slam.formats import FORMATS
@@ -71,7 +72,7 @@ def test_a_failure_ends_with_exit_code_1_and_a_file_that_is_kept(tmp_path, monke
     monkeypatch.setattr(fuzz.worker, "outcomes", lambda *_: iter([failure]))
     monkeypatch.setattr(sys, "argv", ["bench", "fuzz", "--files", "1", "--seed", "2"])
     with pytest.raises(SystemExit) as stop:
-        main(command.Options, command.COMMAND, command.run)
+        main(BenchmarkOptions, command.COMMAND, command.run)
     assert stop.value.code == 1
     assert "1 of 1 files neither read nor refused" in capsys.readouterr().out
     assert any((tmp_path / "runs/fuzz/2-5").iterdir())
