@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slam.recording import Laser, Recording, Source
+from slam.recording import Laser, Recording, Source, checked
 from slam.se2 import Array
 
 
@@ -70,17 +70,17 @@ class MeasurementLog:
     ) -> None:
         """One more scan. Raises ``ValueError`` that names what cannot be used; nothing is appended then."""
         n = len(self)
-        row = _checked("ranges", ranges, self.angles.shape, finite=False)
-        stamp = float(_checked("time", time, ()))
+        row = checked("ranges", ranges, self.angles.shape, finite=False)
+        stamp = float(checked("time", time, ()))
         if n and stamp < self.time[-1]:
             raise ValueError(f"time: expected at least {self.time[-1]:g} s, the last scan's, got {stamp:g} s")
         if (dead_reckoning is None) != (self.source == "none"):
             given = "None" if dead_reckoning is None else "a pose"
             raise ValueError(f"dead_reckoning: got {given}, but the source is {self.source!r}")
-        pose = _checked("dead_reckoning", np.zeros(3) if dead_reckoning is None else dead_reckoning, (3,))
+        pose = checked("dead_reckoning", np.zeros(3) if dead_reckoning is None else dead_reckoning, (3,))
         if n and (attitude is None) != (self.attitude is None):
             raise ValueError("attitude: expected for every scan or for none")
-        tilt = None if attitude is None else _checked("attitude", attitude, (2,))
+        tilt = None if attitude is None else checked("attitude", attitude, (2,))
         self._ranges.append(row)
         self._time.append(stamp)
         self._dead_reckoning.append(pose)
@@ -90,12 +90,3 @@ class MeasurementLog:
 
 Measurements = Recording | MeasurementLog
 """What odometry reads: a whole recording, or as much of one as there is."""
-
-
-def _checked(name: str, value: object, shape: tuple[int, ...], finite: bool = True) -> Array:
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape != shape:
-        raise ValueError(f"{name}: expected shape {shape}, got {array.shape}")
-    if finite and not np.all(np.isfinite(array)):
-        raise ValueError(f"{name}: expected finite values, got {value}")
-    return array

@@ -33,7 +33,7 @@ class Laser:
             raise ValueError(f"laser limits: expected 0 <= {self.range_min} < {self.range_max}")
         if not self.sigma_range > 0.0:
             raise ValueError(f"laser noise: expected sigma_range > 0, got {self.sigma_range}")
-        object.__setattr__(self, "T_robot_laser", _checked("T_robot_laser", self.T_robot_laser, (3,)))
+        object.__setattr__(self, "T_robot_laser", checked("T_robot_laser", self.T_robot_laser, (3,)))
 
     @property
     def mount_stated(self) -> bool:
@@ -54,8 +54,8 @@ class Odometry:
 
     def __post_init__(self) -> None:
         m = len(self.time)
-        object.__setattr__(self, "time", _checked("odometry time", self.time, (m,)))
-        object.__setattr__(self, "poses", _checked("odometry poses", self.poses, (m, 3)))
+        object.__setattr__(self, "time", checked("odometry time", self.time, (m,)))
+        object.__setattr__(self, "poses", checked("odometry poses", self.poses, (m, 3)))
         rows = np.asarray(self.scan_row, dtype=np.int64)
         if rows.size and not (rows.min() >= 0 and rows.max() < m):
             raise ValueError(f"odometry scan_row: expected rows in 0..{m - 1}")
@@ -71,8 +71,8 @@ class Relations:
 
     def __post_init__(self) -> None:
         k = len(self.stamps)
-        object.__setattr__(self, "stamps", _checked("relation stamps", self.stamps, (k, 2)))
-        object.__setattr__(self, "T_12", _checked("relation poses", self.T_12, (k, 3)))
+        object.__setattr__(self, "stamps", checked("relation stamps", self.stamps, (k, 2)))
+        object.__setattr__(self, "T_12", checked("relation poses", self.T_12, (k, 3)))
 
 
 @dataclass(frozen=True)
@@ -106,10 +106,10 @@ class Recording:
         n, b = len(self.time), len(self.angles)
         if n == 0:
             raise ValueError("a recording needs at least one scan")
-        object.__setattr__(self, "time", _checked("time", self.time, (n,)))
-        object.__setattr__(self, "angles", _checked("angles", self.angles, (b,)))
-        object.__setattr__(self, "ranges", _checked("ranges", self.ranges, (n, b), finite=False))
-        object.__setattr__(self, "dead_reckoning", _checked("dead_reckoning", self.dead_reckoning, (n, 3)))
+        object.__setattr__(self, "time", checked("time", self.time, (n,)))
+        object.__setattr__(self, "angles", checked("angles", self.angles, (b,)))
+        object.__setattr__(self, "ranges", checked("ranges", self.ranges, (n, b), finite=False))
+        object.__setattr__(self, "dead_reckoning", checked("dead_reckoning", self.dead_reckoning, (n, 3)))
         if b > 1 and np.any(np.diff(self.angles) <= 0.0):
             raise ValueError("angles must increase (counter-clockwise)")
         if self.source not in get_args(Source):
@@ -118,7 +118,7 @@ class Recording:
             raise ValueError("dead_reckoning: expected one pose for all scans, the source being 'none'")
         for name, width in (("attitude", 2), ("truth", 3)):
             if (value := getattr(self, name)) is not None:
-                object.__setattr__(self, name, _checked(name, value, (n, width)))
+                object.__setattr__(self, name, checked(name, value, (n, width)))
         if self.odometry is not None and len(self.odometry.scan_row) != n:
             raise ValueError(f"odometry scan_row: expected {n} rows, got {len(self.odometry.scan_row)}")
 
@@ -158,8 +158,9 @@ class Recording:
         return replace(self, laser=replace(self.laser, T_robot_laser=mount, mount_source=source))
 
 
-def _checked(name: str, value: object, shape: tuple[int, ...], finite: bool = True) -> Array:
-    array = np.ascontiguousarray(value, dtype=np.float64)
+def checked(name: str, value: object, shape: tuple[int, ...], finite: bool = True) -> Array:
+    """``value`` as an array of floats of a ``shape``. Raises ``ValueError`` that calls it ``name``."""
+    array: Array = np.asarray(value, dtype=np.float64, order="C")
     if array.shape != shape:
         raise ValueError(f"{name}: expected shape {shape}, got {array.shape}")
     if finite and not np.all(np.isfinite(array)):

@@ -135,6 +135,7 @@ class _Steps:
 
     @classmethod
     def empty(cls, n: int) -> _Steps:
+        """Room for n scans, all skipped as yet."""
         return cls(
             poses=np.zeros((n, 3)),
             verdict=np.full(n, Verdict.SKIPPED, dtype=np.int8),

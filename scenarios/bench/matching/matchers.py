@@ -111,6 +111,7 @@ def small_gicp_matchers(small_gicp: Any) -> dict[str, Matcher]:
         """The matcher of one ``registration_type`` of small_gicp."""
 
         def match(reference: Any, scan: Any, guess: Array) -> PoseEstimate:
+            """The scan's pose ``(3,)`` in the frame of the reference, from a guess of it; no covariance."""
             (target, tree), (source, _) = reference, scan
             result = small_gicp.align(
                 target, source, tree, to_space(guess),

@@ -12,6 +12,8 @@ from slam.formats.rosbag.names import OLD_TF_TYPE, TF_TYPE
 from slam.formats.text import File, FormatError
 
 HOW_TO_INSTALL = "a ROS bag needs the package rosbags: pip install 'slamstitch[ros]'"
+MAX_NESTING = 50
+"""Brackets of a metadata.yaml that may be left open."""
 ROS1, METADATA = ".bag", "metadata.yaml"
 SUFFIXES = (".db3", ".mcap", ROS1)
 
@@ -56,6 +58,7 @@ def messages(path: Path, wanted: Collection[str]) -> Iterator[tuple[str, Any]]:
 def _reader(file: Path) -> Iterator[tuple[Any, Any]]:
     """An open reader of rosbags, and what makes messages of its bytes."""
     ros = rosbags(file)
+    _check_nesting(file)
     is_ros1 = file.suffix == ROS1
     title = "ROS 1 bag" if is_ros1 else "ROS 2 bag"
     try:
@@ -67,6 +70,17 @@ def _reader(file: Path) -> Iterator[tuple[Any, Any]]:
     except Exception as error:  # rosbags lets through whatever its storage engines and parsers raise
         repair = f"rosbag reindex {file.name}" if is_ros1 else f"ros2 bag reindex {file.name}"
         raise FormatError(f"not a readable {title}: {error}; try {repair}", file) from error
+
+
+def _check_nesting(bag: Path) -> None:
+    """See that a bag's metadata is not nested so deeply that YAML takes seconds. Raises `FormatError`."""
+    metadata = bag / METADATA
+    if not metadata.is_file():
+        return
+    text = metadata.read_bytes()
+    depth = max(text.count(mark) - text.count(end) for mark, end in ((b"[", b"]"), (b"{", b"}")))
+    if depth > MAX_NESTING or b"- " * MAX_NESTING in text:
+        raise FormatError(f"{METADATA} is nested too deeply; try ros2 bag reindex {bag.name}", bag)
 
 
 def rosbags(path: Path) -> Any:

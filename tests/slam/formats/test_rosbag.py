@@ -492,3 +492,13 @@ def test_a_bag_without_odometry_has_no_dead_reckoning(tmp_path: Path) -> None:
 def test_no_dead_reckoning_is_written_as_none(tmp_path: Path) -> None:
     rosbag.write(tmp_path / "bag", recording().without_dead_reckoning())
     assert load(tmp_path / "bag").source == "none"
+
+
+@pytest.mark.parametrize("nest", [b"[", b"{", b'{"a":', b"- "])
+def test_metadata_that_is_nested_deeply_is_refused_at_once(nest: bytes, tmp_path: Path) -> None:
+    """YAML would take seconds, and much memory, to say so itself."""
+    rosbag.write(tmp_path / "bag", recording())
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    metadata.write_bytes(metadata.read_bytes() + b"\nmore: " + 5000 * nest)
+    with pytest.raises(FormatError, match=r"metadata\.yaml is nested too deeply; try ros2 bag reindex bag"):
+        load(tmp_path / "bag")
