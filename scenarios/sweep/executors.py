@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 SCHEDULER_TIMEOUT_S = 6.0
 """Seconds that a scheduler has to answer."""
+REPLACED_S = 10.0
+"""Seconds within which a worker that died is replaced."""
 POLL_S = 1.0
 """Seconds after which connection and workers are looked at again."""
 PRELOAD = __name__
@@ -46,11 +48,31 @@ def executor_for(scheduler: str | None, workers: int, say: Callable[[str], None]
         return
     _silence()
     if scheduler is None:
-        with _local_cluster(workers) as cluster, cluster.get_client() as client:
+        with _local_client(workers) as client:
             yield DaskExecutor(client, "this machine", lambda words: None)
     else:
         with _connected(scheduler) as client:
             yield DaskExecutor(client, scheduler, say)
+
+
+@contextlib.contextmanager
+def _local_client(workers: int) -> Iterator[Client]:
+    """A client of worker processes of this machine, which end with it.
+
+    Dask fails to close while it replaces a worker that died, so those that are on their way are waited for;
+    one that never comes is no matter: all that was asked for is known by then, or an error is on its way up.
+    """
+    cluster = _local_cluster(workers)
+    try:
+        with cluster.get_client() as client:
+            try:
+                yield client
+            finally:
+                with contextlib.suppress(TimeoutError):
+                    client.wait_for_workers(max(1, len(cluster.workers)), timeout=REPLACED_S)
+    finally:
+        with contextlib.suppress(AssertionError):
+            cluster.close()
 
 
 def _local_cluster(workers: int) -> LocalCluster:

@@ -147,6 +147,22 @@ def test_whoever_kills_its_workers_is_recorded_and_the_others_go_on(toy: ModuleT
     assert (again.ran, again.reused, again.failed) == (2, 4, [])
 
 
+def test_a_cluster_that_cannot_be_closed_keeps_what_was_answered(
+    toy: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As Dask's cannot while it replaces a worker that died."""
+    from distributed import LocalCluster
+
+    close = LocalCluster.close
+
+    def fails(cluster: LocalCluster) -> None:
+        close(cluster)
+        raise AssertionError("can only join a started process")
+
+    monkeypatch.setattr(LocalCluster, "close", fails)
+    assert len(sweep(toy.trials(2), toy.answer, None, prepare=toy.prepare, workers=2).answered) == 4
+
+
 def test_workers_that_die_as_they_start_end_the_sweep(
     toy: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
