@@ -18,15 +18,15 @@ def _distance(points, i, j):
 
 @njit(cache=True)
 def _window(points, centre, radius, side, most):
-    """Last index of the unbroken run of at most ``most`` neighbours within ``radius`` of ``centre`` on a side
-    (+1 or -1)."""
-    last = centre
+    """Last index of the run of neighbours within ``radius`` of ``centre`` on a side (+1 or -1), among the next
+    ``most`` beams. Beams without return are passed over: what was seen beside them is still one surface."""
+    last = following = centre
     while True:
-        following = last + side
+        following += side
         if following < 0 or following >= len(points) or abs(following - centre) > most:
             return last
         if not np.isfinite(points[following, 0]):
-            return last
+            continue
         if _distance(points, following, last) > radius or _distance(points, following, centre) > radius:
             return last
         last = following
@@ -34,14 +34,20 @@ def _window(points, centre, radius, side, most):
 
 @njit(cache=True)
 def _principal_axis(points, first, last):
-    """Direction [rad] of the run ``first..last``, its scatter along it [m²] and the rms across it [m]."""
-    n = last - first + 1
+    """Direction [rad] of the points ``first..last``, their scatter along it [m²], the rms across it [m] and their
+    number; rows of NaN are none."""
+    n = 0
     mx = my = 0.0
     for i in range(first, last + 1):
-        mx += points[i, 0] / n
-        my += points[i, 1] / n
+        if np.isfinite(points[i, 0]):
+            n += 1
+            mx += points[i, 0]
+            my += points[i, 1]
+    mx, my = mx / n, my / n
     sxx = sxy = syy = 0.0
     for i in range(first, last + 1):
+        if not np.isfinite(points[i, 0]):
+            continue
         dx, dy = points[i, 0] - mx, points[i, 1] - my
         sxx += dx * dx
         sxy += dx * dy
@@ -49,7 +55,7 @@ def _principal_axis(points, first, last):
     spread = np.sqrt(0.25 * (sxx - syy) ** 2 + sxy * sxy)
     middle = 0.5 * (sxx + syy)
     across = max(middle - spread, 0.0)
-    return 0.5 * np.arctan2(2.0 * sxy, sxx - syy), middle + spread, np.sqrt(across / n)
+    return 0.5 * np.arctan2(2.0 * sxy, sxx - syy), middle + spread, np.sqrt(across / n), n
 
 
 @njit(cache=True)
@@ -69,9 +75,9 @@ def tangents_of_beams(points, spacing, radius, sigma, most):
         reach = max(radius, 2.5 * spacing[i])
         for _ in range(2):
             first, last = _window(points, i, reach, -1, most), _window(points, i, reach, 1, most)
-            if last - first < 2:
+            angle, along, rms, count = _principal_axis(points, first, last)
+            if count < 3:
                 break
-            angle, along, rms = _principal_axis(points, first, last)
             if rms <= 3.0 * sigma:
                 direction[i] = angle
                 deviation[i] = max(sigma, rms) / np.sqrt(along)
