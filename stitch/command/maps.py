@@ -18,7 +18,7 @@ from slam.formats import FormatError, ros_map
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
 from slam.se2 import Array
-from stitch.alignment.config import AlignConfig
+from stitch.alignment.config import AlignConfig, TolerantConfig
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 
 SUFFIXES = (".yaml", ".pgm", ".png")
@@ -52,13 +52,14 @@ def read_submap(path: Path) -> tuple[Submap, tuple[str, ...]]:
 
 
 def settings_for(submaps: Sequence[Submap], method: str = "joint") -> AlignConfig:
-    """The settings of a method for some maps; a raster is never finer than the maps are."""
+    """The settings of a method for some maps, which may be bent; a raster is never finer than the maps are."""
     coarsest = max(submap.grid.resolution for submap in submaps)
     default = AlignConfig()
     return AlignConfig(
         method=method,
         resolution=max(default.resolution, coarsest),
         search=replace(default.search, resolution=max(default.search.resolution, coarsest)),
+        tolerant=TolerantConfig(enabled=True),
     )
 
 
