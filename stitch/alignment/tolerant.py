@@ -138,12 +138,10 @@ def covariance(b: FacingWalls, judged: Judged) -> Array:
     pieces -= pieces.min(axis=0)
     key = pieces[:, 1] * (pieces[:, 0].max() + 1) + pieces[:, 0]
     _, group = np.unique(key, return_inverse=True)
-    count: Array = np.bincount(group, judged.agreed)
+    count = np.bincount(group, judged.agreed).astype(np.float64)
     places = np.stack([np.bincount(group, judged.agreed * b.points[:, axis]) for axis in (0, 1)], -1)
     moved = np.stack([np.bincount(group, judged.agreed * off[:, axis]) for axis in (0, 1)], -1)
-    use = count >= 1.0
-    if not use.any():
-        use = count >= count.max()
+    use = count >= min(1.0, count.max())
     places, moved = places[use] / count[use, None], moved[use] / count[use, None]
     variance = LEAST_DEVIATION**2 + float(np.mean(moved**2))
     information = np.zeros((3, 3))

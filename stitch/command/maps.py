@@ -52,7 +52,7 @@ def read_submap(path: Path) -> tuple[Submap, tuple[str, ...]]:
 
 
 def settings_for(submaps: Sequence[Submap], method: str = "joint") -> AlignConfig:
-    """The settings of a method for some maps, which may be bent; a raster is never finer than the maps are."""
+    """The settings of a method for maps that may be bent; a raster is never finer than the maps are."""
     coarsest = max(submap.grid.resolution for submap in submaps)
     default = AlignConfig()
     return AlignConfig(
