@@ -30,8 +30,12 @@ def align(
             return NoStitch(f"submap {name} has no occupied cells")
     method = METHODS[config.method]
     aligner = resolve_name(method) if isinstance(method, str) else method
-    result: Stitch | NoStitch = aligner(a, b, prior, config)
-    if isinstance(result, NoStitch) and config.method == "joint" and config.tolerant.enabled:
+    tolerant = config.tolerant.enabled and config.method == "joint"
+    if tolerant and config.tolerant.free_scale:
+        result: Stitch | NoStitch = NoStitch("the scale is free")
+    else:
+        result = aligner(a, b, prior, config)
+    if isinstance(result, NoStitch) and tolerant:
         from stitch.alignment.tolerant import align_tolerant
 
         return align_tolerant(a, b, prior, config, result)

@@ -68,6 +68,22 @@ class Bend:
             guess = guess + np.stack([c * off[:, 0] + s * off[:, 1], -s * off[:, 0] + c * off[:, 1]], -1)
         return guess
 
+    def largest_displacement(self, T_a_b: Array) -> float:
+        """How far the bend takes a knot from where ``T_a_b (3,)`` puts it [m], at most."""
+        off = self.nodes[..., :2] - se2.transform(T_a_b, self.knots)
+        return float(np.max(np.linalg.norm(off, axis=-1)))
+
+    def lines(self, points: int = 8) -> list[Array]:
+        """The lattice's rows and columns, bent: each ``(n, 2)`` m in a, ``points`` for each of its cells."""
+        rows, columns = self.nodes.shape[:2]
+        x, y = (
+            self.first[axis] + self.spacing * np.linspace(0.0, count - 1, points * (count - 1) + 1)
+            for axis, count in enumerate((columns, rows))
+        )
+        level = [np.stack([x, np.full(len(x), one)], -1) for one in y[::points]]
+        upright = [np.stack([np.full(len(y), one), y], -1) for one in x[::points]]
+        return [self.apply(line) for line in (*level, *upright)]
+
     def energy(self, config: TolerantConfig) -> float:
         """What the springs hold, in squared standard deviations, halved."""
         return float(spring_energy(self.nodes, self.knots, *_springs(self.spacing, config)))

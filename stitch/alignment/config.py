@@ -231,6 +231,11 @@ class TolerantConfig(Checked):
 
     enabled: bool = False
     """Whether it is tried: for whole maps of others, not for submaps of a drive, which are hardly bent."""
+    free_scale: bool = False
+    """Whether b's scale may differ by up to a fifth: maps that state a wrong resolution, floor plans. Joint
+    is not asked then."""
+    scale_step: Positive = 0.05
+    """Step between the scales that are tried, as a share."""
     width: Positive = 0.7
     """How far walls that are the same may lie apart in the search [m], as a standard deviation."""
     conflict: Amount = 1.0

@@ -16,10 +16,14 @@ from stitch.alignment.facing import CELL, FacingWalls
 
 @dataclass(frozen=True)
 class Judged:
-    """A bent alignment: its ``bend``, the rigid ``T_a_b (3,)`` nearest to it, metres of wall that agree and
-    that contradict, both ways, the bending ``energy``, the ``score``, and the metres ``agreed (n,)`` of each
-    of b's points."""
+    """A bent alignment of b's ``walls``, which were enlarged by ``scale``.
 
+    Its ``bend``, the rigid ``T_a_b (3,)`` nearest to it, metres of wall that agree and that contradict, both
+    ways, the bending ``energy``, the ``score``, and the metres ``agreed (n,)`` of each of b's points.
+    """
+
+    walls: FacingWalls
+    scale: float
     bend: Bend
     T_a_b: Array
     agreement: float
@@ -39,7 +43,7 @@ class Judged:
         return self.score * self.share
 
 
-def judge(a: FacingWalls, b: FacingWalls, bent: Bend, config: TolerantConfig) -> Judged:
+def judge(a: FacingWalls, b: FacingWalls, bent: Bend, scale: float, config: TolerantConfig) -> Judged:
     """What speaks for a bend and against it."""
     placed = apply_lattice(bent.nodes, bent.first, bent.spacing, b.points)
     agree_b, against_b = meet(
@@ -57,7 +61,7 @@ def judge(a: FacingWalls, b: FacingWalls, bent: Bend, config: TolerantConfig) ->
     conflict = float(against_a.sum() + against_b.sum())
     energy = bent.energy(config)
     score = agreement - config.judged_conflict * conflict - config.stiffness * energy
-    return Judged(bent, T_a_b, agreement, conflict, energy, score, agree_b)
+    return Judged(b, scale, bent, T_a_b, agreement, conflict, energy, score, agree_b)
 
 
 def fit_weighted(b: Array, a: Array, weights: Array) -> Array:

@@ -46,13 +46,16 @@ class Prior:
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another alignment that was considered, with its score; ``covariance (3, 3)`` in the right tangent and
-    ``belief``, its log-odds, where they were worked out."""
+    """Another alignment that was considered, with its score; ``covariance (3, 3)`` in the right tangent,
+    ``belief``, its log-odds, and how b would be bent, where they were worked out; ``scale``: b is enlarged by
+    it first."""
 
     T_a_b: Array
     score: float
     covariance: Array | None = None
     belief: float | None = None
+    bend: Bend | None = None
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,8 @@ class Stitch:
     method's own, more is better; ``overlap_area`` m² known in both maps; ``agreement``: share of the walls in
     the overlap that both maps have; ``alternatives``: the other candidates, best first; ``belief``: log-odds
     that it is right (`stitch.alignment.acceptance`), None where the method has none; ``bend``: how b must be
-    bent to lie on a, where it was asked, ``T_a_b`` being the rigid part.
+    bent to lie on a, where it was asked, ``T_a_b`` being the rigid part; ``scale``: b is enlarged by it
+    first, 1 unless its scale was free.
     """
 
     T_a_b: Array
@@ -74,6 +78,7 @@ class Stitch:
     alternatives: tuple[Alternative, ...] = ()
     belief: float | None = None
     bend: Bend | None = None
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)

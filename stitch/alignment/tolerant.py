@@ -28,6 +28,8 @@ LEAST_DEVIATION = 0.05
 """Standard deviation [m] of a piece at least."""
 BELIEF_SCALE = 5.0
 """Metres of margin that make one of log-odds."""
+MOST_SCALE = 0.2
+"""A scale that is free differs from 1 by so much at most."""
 FOLDED = 0.2
 """Least determinant of the Jacobian of a bend that is believed: there a fifth of the area is left."""
 
@@ -37,30 +39,65 @@ def align_tolerant(
 ) -> Stitch | NoStitch:
     """The best alignment of two maps that may be bent, if it is accepted; ``refused`` is joint's answer,
     whose best candidate is judged along with the search's."""
-    settings = config.tolerant
-    walls_a, walls_b = facing_walls(a), facing_walls(b)
-    candidates = search(walls_a, walls_b, settings) + ([] if refused.best is None else [refused.best])
-    starts = [candidate.T_a_b for candidate in candidates if _near(candidate.T_a_b, prior, config)]
-    judged = hypotheses(walls_a, walls_b, starts, settings)
+    settings, walls_a = config.tolerant, facing_walls(a)
+    judged: list[Judged] = []
+    for scale in scales(settings):
+        walls_b = facing_walls(scaled(b, scale))
+        candidates = search(walls_a, walls_b, settings) + ([] if refused.best is None else [refused.best])
+        starts = [candidate.T_a_b for candidate in candidates if _near(candidate.T_a_b, prior, config)]
+        judged += bend_all(walls_a, walls_b, scale, starts, settings)
+    judged = hypotheses(judged, b, settings)
     if not judged:
         return refused
-    best, rivals = judged[0], judged[1:]
-    shared = shared_area(a, b, best.bend, best.T_a_b, config)
-    margin = margin_over(best, rivals, settings)
-    alternatives = tuple(
-        Alternative(one.T_a_b, one.score, covariance(walls_b, one),
-                    (margin_over(one, [best], settings) - settings.min_margin) / BELIEF_SCALE)
-        for one in rivals[:MOST_ALTERNATIVES]
-    )  # fmt: skip
-    belief = (margin - settings.min_margin) / BELIEF_SCALE
-    reason = reason_against(best, rivals, shared, config)
-    sigma = covariance(walls_b, best)
-    if reason is not None:
-        both = f"{refused.reason}; as bent maps: {reason}"
-        return NoStitch(both, Alternative(best.T_a_b, best.score, sigma, belief), alternatives)
-    return Stitch(
-        best.T_a_b, sigma, best.score, shared.overlap_area, shared.agreement, alternatives, belief, best.bend
+    told, *alternatives = (
+        _told(one, [other for other in judged if other is not one], settings)
+        for one in judged[: 1 + MOST_ALTERNATIVES]
     )
+    shared = shared_area(a, scaled(b, told.scale), judged[0].bend, told.T_a_b, config)
+    reason = reason_against(judged[0], judged[1:], shared, config)
+    if reason is not None:
+        return NoStitch(f"{refused.reason}; as bent maps: {reason}", told, tuple(alternatives))
+    return Stitch(
+        told.T_a_b,
+        told.covariance,
+        told.score,
+        shared.overlap_area,
+        shared.agreement,
+        tuple(alternatives),
+        told.belief,
+        told.bend,
+        told.scale,
+    )
+
+
+def _told(one: Judged, others: list[Judged], config: TolerantConfig) -> Alternative:
+    """What is told of a hypothesis."""
+    log_odds = belief(margin_over(one, others, config), config)
+    return Alternative(one.T_a_b, one.score, covariance(one), log_odds, one.bend, one.scale)
+
+
+def scales(config: TolerantConfig) -> Array:
+    """The scales ``(m,)`` of b that are tried."""
+    if not config.free_scale:
+        return np.ones(1)
+    return np.linspace(1.0 - MOST_SCALE, 1.0 + MOST_SCALE, 2 * round(MOST_SCALE / config.scale_step) + 1)
+
+
+def scaled(submap: Submap, scale: float) -> Submap:
+    """A submap enlarged about its anchor."""
+    if scale == 1.0:
+        return submap
+    grid, points = submap.grid, submap.points
+    return replace(
+        submap,
+        points=replace(points, points=scale * points.points),
+        grid=replace(grid, origin=scale * grid.origin, resolution=scale * grid.resolution),
+    )
+
+
+def belief(margin: float, config: TolerantConfig) -> float:
+    """Log-odds that an alignment with a ``margin`` is right: 0 at the least that is accepted."""
+    return (margin - config.min_margin) / BELIEF_SCALE
 
 
 def bend_stitch(a: Submap, b: Submap, stitch: Stitch, config: AlignConfig) -> Stitch | NoStitch:
@@ -73,16 +110,24 @@ def bend_stitch(a: Submap, b: Submap, stitch: Stitch, config: AlignConfig) -> St
     return replace(stitch, bend=bent)
 
 
-def hypotheses(a: FacingWalls, b: FacingWalls, starts: list[Array], config: TolerantConfig) -> list[Judged]:
-    """What becomes of poses ``(3,)`` once bent, best first, rivals only."""
-    judged = []
-    for start in starts:
-        T_a_b = settle(a, b, start, config)
-        judged.append(judge(a, b, bend(a, b, T_a_b, config), config))
-    judged.sort(key=lambda one: -one.rank)
-    by_pose = {id(one.T_a_b): one for one in judged}
-    kept = distinct([Alternative(one.T_a_b, one.rank) for one in judged], b.middle, config.rival, len(judged))
-    return [by_pose[id(one.T_a_b)] for one in kept]
+def bend_all(
+    a: FacingWalls, b: FacingWalls, scale: float, starts: list[Array], config: TolerantConfig
+) -> list[Judged]:
+    """What becomes of poses ``(3,)`` of b, enlarged by ``scale``, once bent."""
+    return [judge(a, b, bend(a, b, settle(a, b, start, config), config), scale, config) for start in starts]
+
+
+def hypotheses(judged: list[Judged], b: Submap, config: TolerantConfig) -> list[Judged]:
+    """The bent alignments, best first, without those that are near a better one."""
+    judged = sorted(judged, key=lambda one: -one.rank)
+    middle = b.points.points.mean(axis=0)
+    placed = [se2.transform(one.T_a_b, one.scale * middle[None])[0] for one in judged]
+    poses = [
+        Alternative(np.array([*place, one.T_a_b[2]]), float(k))
+        for k, (place, one) in enumerate(zip(placed, judged, strict=True))
+    ]
+    kept = distinct(poses, np.zeros(2), config.rival, len(judged))
+    return [judged[int(one.score)] for one in kept]
 
 
 def margin_over(best: Judged, rivals: list[Judged], config: TolerantConfig) -> float:
@@ -94,6 +139,8 @@ def margin_over(best: Judged, rivals: list[Judged], config: TolerantConfig) -> f
 def reason_against(best: Judged, rivals: list[Judged], shared: SharedArea, config: AlignConfig) -> str | None:
     """The first limit that a bent alignment breaks, in words; None when it is believed."""
     limits, settings = config.acceptance, config.tolerant
+    if settings.free_scale and abs(best.scale - 1.0) > MOST_SCALE - 0.5 * settings.scale_step:
+        return f"scale {best.scale:.3g} is at its limit, expected within {MOST_SCALE:.0%} of 1"
     for name, value, limit in (
         ("overlap", shared.overlap_area, limits.min_overlap),
         ("space free in both", shared.open_area, limits.min_open),
@@ -129,10 +176,10 @@ def shared_area(a: Submap, b: Submap, bent: Bend, T_a_b: Array, config: AlignCon
     return measure_shared_area(raster_a, raster_b)
 
 
-def covariance(b: FacingWalls, judged: Judged) -> Array:
+def covariance(judged: Judged) -> Array:
     """Covariance ``(3, 3)``, right tangent, of the rigid part: how far the pieces of the overlap deviate from
     it, as many as there are that deviate on their own."""
-    bent, T_a_b = judged.bend, judged.T_a_b
+    bent, T_a_b, b = judged.bend, judged.T_a_b, judged.walls
     off = se2.transform(se2.inverse(T_a_b), bent.apply(b.points)) - b.points
     pieces = np.floor((b.points - b.middle) / PIECE).astype(np.int64)
     pieces -= pieces.min(axis=0)
@@ -141,7 +188,9 @@ def covariance(b: FacingWalls, judged: Judged) -> Array:
     count = np.bincount(group, judged.agreed).astype(np.float64)
     places = np.stack([np.bincount(group, judged.agreed * b.points[:, axis]) for axis in (0, 1)], -1)
     moved = np.stack([np.bincount(group, judged.agreed * off[:, axis]) for axis in (0, 1)], -1)
-    use = count >= min(1.0, count.max())
+    use = count >= max(min(1.0, count.max()), 1e-9)
+    if not use.any():
+        return np.diag([1.0, 1.0, np.radians(10.0) ** 2])
     places, moved = places[use] / count[use, None], moved[use] / count[use, None]
     variance = LEAST_DEVIATION**2 + float(np.mean(moved**2))
     information = np.zeros((3, 3))
