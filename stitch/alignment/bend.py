@@ -5,7 +5,7 @@ Point to line by facing, robust (Welsch), by Gauss–Newton with widths that shr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -24,13 +24,15 @@ HELD = 1e-6
 class Bend:
     """Map b bent into the frame of a, by poses ``nodes (R, C, 3)`` in a of the knots of a lattice in b.
 
-    Knot (row, column) lies at ``first (2,) + spacing·(column, row)`` m in b. A point of b follows the four
-    knots around it, each rigidly, blended bilinearly; beyond the lattice, the nearest of its cells.
+    Knot (row, column) lies at ``first (2,) + spacing·(column, row)`` m in the lattice's frame, and that at
+    ``frame (3,)`` in b. A point of b follows the four knots around it, each rigidly, blended bilinearly;
+    beyond the lattice, the nearest of its cells.
     """
 
     first: Array
     spacing: float
     nodes: Array
+    frame: Array = field(default_factory=lambda: np.zeros(3))
 
     @classmethod
     def rigid(cls, walls: FacingWalls, T_a_b: Array, spacing: float) -> Bend:
@@ -42,36 +44,53 @@ class Bend:
 
     @property
     def knots(self) -> Array:
-        """Places ``(R, C, 2)`` m of the knots in b."""
+        """Places ``(R, C, 2)`` m of the knots in the lattice's frame."""
         rows, columns = self.nodes.shape[:2]
         x, y = np.meshgrid(np.arange(columns), np.arange(rows))
         return self.first + self.spacing * np.stack([x, y], -1)
 
+    @property
+    def places(self) -> Array:
+        """Places ``(R, C, 2)`` m of the knots in b."""
+        return se2.transform(self.frame, self.knots)
+
+    def between_maps(self, anchor_a: Array, anchor_b: Array) -> Bend:
+        """The bend of one map onto another that have the frames of a and b at ``anchor_a (3,)`` and
+        ``anchor_b (3,)``."""
+        return replace(self, nodes=se2.compose(anchor_a, self.nodes), frame=se2.compose(anchor_b, self.frame))
+
+    def displacements(self, T_a_b: Array) -> Array:
+        """Where the knots are beyond where ``T_a_b (3,)`` puts them ``(R, C, 3)``: x and y m, yaw rad."""
+        off = np.empty_like(self.nodes)
+        off[..., :2] = self.nodes[..., :2] - se2.transform(T_a_b, self.places)
+        off[..., 2] = se2.wrap(self.nodes[..., 2] - T_a_b[2] - self.frame[2])
+        return off
+
     def moved_to(self, T_a_b: Array) -> Bend:
         """The lattice at ``T_a_b (3,)``, not bent."""
         nodes = np.empty_like(self.nodes)
-        nodes[..., :2] = se2.transform(T_a_b, self.knots)
-        nodes[..., 2] = T_a_b[2]
+        nodes[..., :2] = se2.transform(T_a_b, self.places)
+        nodes[..., 2] = T_a_b[2] + self.frame[2]
         return replace(self, nodes=nodes)
 
     def apply(self, points: Array) -> Array:
         """Points ``(n, 2)`` m of b in the frame of a."""
-        return apply_lattice(self.nodes, self.first, self.spacing, np.ascontiguousarray(points))[:, :2]
+        local = se2.transform(se2.inverse(self.frame), points)
+        return apply_lattice(self.nodes, self.first, self.spacing, local)[:, :2]
 
     def undo(self, points: Array, T_a_b: Array) -> Array:
         """Points ``(n, 2)`` m of a in the frame of b; ``T_a_b (3,)`` is about where it lies."""
-        guess = se2.transform(se2.inverse(T_a_b), points)
+        guess = se2.transform(se2.inverse(se2.compose(T_a_b, self.frame)), points)
         for _ in range(4):
-            there = apply_lattice(self.nodes, self.first, self.spacing, np.ascontiguousarray(guess))
+            there = apply_lattice(self.nodes, self.first, self.spacing, guess)
             off = points - there[:, :2]
             c, s = np.cos(there[:, 2]), np.sin(there[:, 2])
             guess = guess + np.stack([c * off[:, 0] + s * off[:, 1], -s * off[:, 0] + c * off[:, 1]], -1)
-        return guess
+        return se2.transform(self.frame, guess)
 
     def largest_displacement(self, T_a_b: Array) -> float:
         """How far the bend takes a knot from where ``T_a_b (3,)`` puts it [m], at most."""
-        off = self.nodes[..., :2] - se2.transform(T_a_b, self.knots)
-        return float(np.max(np.linalg.norm(off, axis=-1)))
+        return float(np.max(np.linalg.norm(self.displacements(T_a_b)[..., :2], axis=-1)))
 
     def lines(self, points: int = 8) -> list[Array]:
         """The lattice's rows and columns, bent: each ``(n, 2)`` m in a, ``points`` for each of its cells."""
@@ -82,7 +101,7 @@ class Bend:
         )
         level = [np.stack([x, np.full(len(x), one)], -1) for one in y[::points]]
         upright = [np.stack([np.full(len(y), one), y], -1) for one in x[::points]]
-        return [self.apply(line) for line in (*level, *upright)]
+        return [self.apply(se2.transform(self.frame, line)) for line in (*level, *upright)]
 
     def energy(self, config: TolerantConfig) -> float:
         """What the springs hold, in squared standard deviations, halved."""

@@ -12,7 +12,7 @@ import numpy as np
 from slam import se2
 from slam.mapping.occupancy import MAX_CELLS, Grid, dilated
 from slam.se2 import Array
-from stitch.alignment.result import Stitch
+from stitch.alignment.result import Alternative, Stitch
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 """Of the maps, in turn (Okabe & Ito 2008: told apart by the colour-blind)."""
@@ -83,7 +83,7 @@ def _dense_points(grid: Grid, spacing: float) -> Array:
     return (grid.occupied_points()[:, None] + np.stack([dx, dy], -1)).reshape(-1, 2)
 
 
-def bent(grid: Grid, stitch: Stitch) -> Grid:
+def bent(grid: Grid, stitch: Stitch | Alternative) -> Grid:
     """A grid as its stitch enlarges and bends it, in the frame that ``stitch.T_a_b`` moves.
 
     Occupied cells are moved as points; free space is looked up from where each cell came from.
