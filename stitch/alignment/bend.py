@@ -151,7 +151,7 @@ def apply_lattice(nodes, first, spacing, points):
 
 
 @njit(cache=True)
-def pair_with(x, y, angle, known, weight, width, points, angles, weights, nearest, corner):
+def pair_with(x, y, angle, known, weight, width, points, angles, known_a, nearest, corner):
     """The point of another map's walls that suits one at ``(x, y)`` m facing ``angle`` rad best: its index
     (−1: none) and the agreement, weighed by metres of wall."""
     j, i = int(np.floor((x - corner[0]) / CELL)), int(np.floor((y - corner[1]) / CELL))
@@ -175,7 +175,7 @@ def pair_with(x, y, angle, known, weight, width, points, angles, weights, neares
 
 @njit(cache=True)
 def normal_equations(
-    nodes, first, spacing, width, points_b, angles_b, known_b, weights_b, points, angles, weights, nearest,
+    nodes, first, spacing, width, points_b, angles_b, known_b, weights_b, points, angles, known_a, nearest,
     corner,
 ):  # fmt: skip
     """Normal equations of point to line over the knots: banded ``(W, 3 R C)`` lower form and right side."""
@@ -198,12 +198,12 @@ def normal_equations(
             y += share * (nodes[i, j, 1] + s * bx + c * by)
             turn += share * nodes[i, j, 2]
         partner, agreement = pair_with(
-            x, y, angles_b[p] + turn, True, weights_b[p], width, points, angles, weights, nearest, corner
+            x, y, angles_b[p] + turn, True, weights_b[p], width, points, angles, known_a, nearest, corner
         )
         if partner < 0 or agreement < 1e-4 * weights_b[p]:
             continue
         nx, ny = np.cos(angles[partner]), np.sin(angles[partner])
-        if weights[partner] < weights_b[p]:
+        if not known_a[partner]:
             continue
         residual = nx * (x - points[partner, 0]) + ny * (y - points[partner, 1])
         weight = agreement / (width * width)
@@ -282,9 +282,9 @@ def spring_energy(nodes, knots, stiff, stiff_turn):
     return total
 
 
-def of_walls(walls: FacingWalls) -> tuple[Array, Array, Array, np.ndarray, Array]:
+def of_walls(walls: FacingWalls) -> tuple[Array, Array, np.ndarray, np.ndarray, Array]:
     """What the kernels read of the map that is matched against."""
-    return walls.points, walls.angles, walls.weights, walls.nearest, walls.corner
+    return walls.points, walls.angles, walls.known, walls.nearest, walls.corner
 
 
 def settle(a: FacingWalls, b: FacingWalls, T_a_b: Array, config: TolerantConfig) -> Array:

@@ -246,7 +246,7 @@ class TolerantConfig(Checked):
     """Best shifts that each rotation puts up."""
     separation: tuple[Positive, Positive] = (1.0, np.radians(8.0))
     """Alignments nearer to each other than this (m at b's middle, rad) are one in the search."""
-    candidates: Count = 24
+    candidates: Count = 60
     """Best alignments of the search that are bent."""
     settle_widths: tuple[Positive, Positive] = (0.8, 0.35)
     """First and last reach [m] of the rigid alignment of each candidate, as standard deviations."""
@@ -268,7 +268,7 @@ class TolerantConfig(Checked):
     """Metres lost per metre of wall deep in the other's free space once bent."""
     rival: tuple[Positive, Positive] = (2.0, np.radians(15.0))
     """A candidate this far (m at b's middle, rad) from the best once bent is its rival."""
-    min_margin: Limit = 26.0
+    min_margin: Limit = 35.0
     """Metres of score ahead of the best rival, times ``(2 share − 1)²``, share being that of the walls that
     agree of those that agree or contradict."""
     max_ambiguity: Limit = 0.6

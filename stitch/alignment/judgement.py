@@ -75,7 +75,7 @@ def fit_weighted(b: Array, a: Array, weights: Array) -> Array:
 
 @njit(cache=True)
 def meet(
-    placed, facing, known, walls, width, points, angles, weights, nearest, corner, distance, free
+    placed, facing, known, walls, width, points, angles, known_a, nearest, corner, distance, free
 ):  # fmt: skip
     """What wall points ``placed (n, 2)`` m that face ``facing (n,)`` rad meet in another map: metres that
     agree ``(n,)`` and that stand deep in free space ``(n,)``."""
@@ -83,7 +83,7 @@ def meet(
     for p in range(len(placed)):
         x, y = placed[p]
         agree[p] = pair_with(
-            x, y, facing[p], known[p], walls[p], width, points, angles, weights, nearest, corner
+            x, y, facing[p], known[p], walls[p], width, points, angles, known_a, nearest, corner
         )[1]
         j, i = int(np.floor((x - corner[0]) / CELL)), int(np.floor((y - corner[1]) / CELL))
         if 0 <= i < free.shape[0] and 0 <= j < free.shape[1] and free[i, j]:

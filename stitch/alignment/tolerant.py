@@ -43,6 +43,7 @@ def align_tolerant(
     judged: list[Judged] = []
     for scale in scales(settings):
         walls_b = facing_walls(scaled(b, scale))
+        walls_b = replace(walls_b, weights=walls_b.weights / scale)  # or the largest would win
         candidates = search(walls_a, walls_b, settings) + ([] if refused.best is None else [refused.best])
         starts = [candidate.T_a_b for candidate in candidates if _near(candidate.T_a_b, prior, config)]
         judged += bend_all(walls_a, walls_b, scale, starts, settings)

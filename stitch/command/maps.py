@@ -222,8 +222,8 @@ def as_json(result: Stitch | NoStitch) -> dict[str, Any]:
         content["overlap_m2"], content["agreement"] = result.overlap_area, result.agreement
         content["margin"] = margin(result)
     content["alternatives"] = [_alternative_json(other) for other in others]
-    content |= {"scale": scale, "bend": bend}
-    return content | {"belief": None if belief is None else as_probability(belief)}
+    content["belief"] = None if belief is None else as_probability(belief)
+    return content | {"scale": scale, "bend": bend}
 
 
 def _alternative_json(other: Alternative) -> dict[str, Any]:
