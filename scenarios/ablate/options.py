@@ -36,6 +36,26 @@ class BeliefOptions(StudyOptions):
 
 
 @dataclass(frozen=True)
+class BendsOptions:
+    """How well a known bend of a map is found, and how often bent maps are joined rightly or wrongly.
+
+    Bend the second map of pairs of simulated submaps by smooth fields that are known, and join them as
+    `python -m stitch` does. Told: whether the best candidate is the true place (its rigid part misses the
+    shared walls by less than 1 m on the mean), how many are accepted, how many of these are wrong, and by how
+    much rigid and bent walls miss their true places. Maps of different buildings must be refused.
+    """
+
+    scenarios: str = "hospital,beehive,office_smoke,two_drives"
+    """Scenarios of the catalogue, with commas between."""
+    seeds: str = "0-3"
+    """Seeds: first-last, or numbers with commas between."""
+    amplitudes: tuple[float, ...] = (0.0, 0.3, 0.6)
+    """Largest displacements on either axis [m]."""
+    format: Format = "table"
+    """What is printed on stdout."""
+
+
+@dataclass(frozen=True)
 class ConfidenceOptions(StudyOptions):
     """What the confidence measures need to be told: weights of their combination, and thresholds.
 
@@ -192,6 +212,7 @@ class StitchingOptions(StudyOptions):
 
 STUDIES: dict[str, type] = {
     "belief": BeliefOptions,
+    "bends": BendsOptions,
     "confidence": ConfidenceOptions,
     "halmstad": HalmstadOptions,
     "likeness": LikenessOptions,
