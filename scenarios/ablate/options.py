@@ -87,7 +87,7 @@ class HalmstadOptions:
     data: Path = Path("../shared/data")
     """The folder with halmstad/ and maps/exp3/."""
     methods: str = "joint,akaze,orb"
-    """Methods by name, with commas between."""
+    """Methods by name, with commas between; kiss as well where KISS-Matcher is installed."""
     scale: bool = False
     """Also lay every map onto the floor plan of its building, whose scale differs by up to a fifth."""
     format: Format = "table"

@@ -30,6 +30,8 @@ BELIEF_SCALE = 5.0
 """Metres of margin that make one of log-odds."""
 MOST_SCALE = 0.2
 """A scale that is free differs from 1 by so much at most."""
+SCALE_STEPS = 3
+"""Times that a scale is refined."""
 FOLDED = 0.2
 """Least determinant of the Jacobian of a bend that is believed: there a fifth of the area is left."""
 
@@ -42,14 +44,15 @@ def align_tolerant(
     settings, walls_a = config.tolerant, facing_walls(a)
     judged: list[Judged] = []
     for scale in scales(settings):
-        walls_b = facing_walls(scaled(b, scale))
-        walls_b = replace(walls_b, weights=walls_b.weights / scale)  # or the largest would win
+        walls_b = enlarged_walls(b, scale)
         candidates = search(walls_a, walls_b, settings) + ([] if refused.best is None else [refused.best])
         starts = [candidate.T_a_b for candidate in candidates if _near(candidate.T_a_b, prior, config)]
         judged += bend_all(walls_a, walls_b, scale, starts, settings)
     judged = hypotheses(judged, b, settings)
     if not judged:
         return refused
+    if settings.free_scale:
+        judged = hypotheses([*judged, *refine_scale(walls_a, b, judged[0], settings)], b, settings)
     told, *alternatives = (
         _told(one, [other for other in judged if other is not one], settings)
         for one in judged[: 1 + MOST_ALTERNATIVES]
@@ -82,6 +85,31 @@ def scales(config: TolerantConfig) -> Array:
     if not config.free_scale:
         return np.ones(1)
     return np.linspace(1.0 - MOST_SCALE, 1.0 + MOST_SCALE, 2 * round(MOST_SCALE / config.scale_step) + 1)
+
+
+def enlarged_walls(b: Submap, scale: float) -> FacingWalls:
+    """The walls of b enlarged, which weigh as much as before: or the largest would always win."""
+    walls = facing_walls(scaled(b, scale))
+    return walls if scale == 1.0 else replace(walls, weights=walls.weights / scale)
+
+
+def refine_scale(a: FacingWalls, b: Submap, best: Judged, config: TolerantConfig) -> list[Judged]:
+    """The best bend once more, at the scale that takes most of its bending away."""
+    judged = []
+    for _ in range(SCALE_STEPS):
+        p = best.walls.points - np.average(best.walls.points, axis=0, weights=best.agreed + 1e-9)
+        q = best.bend.apply(best.walls.points)
+        q = (q - np.average(q, axis=0, weights=best.agreed + 1e-9)) @ se2.rotation(best.T_a_b[2])
+        grown = float(best.agreed @ np.sum(p * q, axis=1) / max(best.agreed @ np.sum(p * p, axis=1), 1e-9))
+        middle = best.walls.middle[None]
+        scale = best.scale * float(np.clip(grown, 1.0 - config.scale_step, 1.0 + config.scale_step))
+        walls = enlarged_walls(b, scale)
+        place = se2.transform(best.T_a_b, middle)[0]
+        yaw = best.T_a_b[2]
+        start = np.array([*(place - se2.rotation(yaw) @ walls.middle), yaw])
+        best = bend_all(a, walls, scale, [start], config)[0]
+        judged.append(best)
+    return judged
 
 
 def scaled(submap: Submap, scale: float) -> Submap:
@@ -140,8 +168,8 @@ def margin_over(best: Judged, rivals: list[Judged], config: TolerantConfig) -> f
 def reason_against(best: Judged, rivals: list[Judged], shared: SharedArea, config: AlignConfig) -> str | None:
     """The first limit that a bent alignment breaks, in words; None when it is believed."""
     limits, settings = config.acceptance, config.tolerant
-    if settings.free_scale and abs(best.scale - 1.0) > MOST_SCALE - 0.5 * settings.scale_step:
-        return f"scale {best.scale:.3g} is at its limit, expected within {MOST_SCALE:.0%} of 1"
+    if abs(best.scale - 1.0) > MOST_SCALE:
+        return f"scale {best.scale:.3g}, expected within {MOST_SCALE:.0%} of 1"
     for name, value, limit in (
         ("overlap", shared.overlap_area, limits.min_overlap),
         ("space free in both", shared.open_area, limits.min_open),

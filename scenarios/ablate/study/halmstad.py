@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from scenarios.ablate import peers
 from scenarios.ablate.options import HalmstadOptions
 from scenarios.jsonable import document
 from scenarios.options import parse_names
@@ -88,7 +89,9 @@ PIECES_COLUMNS: Columns = (
 
 def run(options: HalmstadOptions) -> None:
     """Every method on every pair, and on the two pieces."""
-    methods = parse_names(options.methods, METHODS, "method")
+    methods = parse_names(options.methods, [*METHODS, peers.KISS], "method")
+    if peers.KISS in methods and not peers.is_installed():
+        raise InputError(f"--methods {peers.KISS}: KISS-Matcher is not installed: pip install kiss-matcher")
     halmstad, pieces = options.data / "halmstad", options.data / "maps" / "exp3"
     if not options.data.is_dir():
         raise InputError(f"--data {options.data}: expected a folder with halmstad/ or maps/exp3/")
@@ -227,8 +230,9 @@ def align_annotated(folder: Path, methods: Sequence[str], scale: bool = False) -
         maps = {name: read_map(building / f"{name}.png", walls_only=PLAN in name) for name in sorted(names)}
         for method in methods:
             for pair in pairs:
-                config = settings(method, pair.is_plan)
-                result, seconds = timed(align, maps[pair.a], maps[pair.b], None, config)
+                ask = peers.align_kiss if method == peers.KISS else align
+                config = settings("joint" if method == peers.KISS else method, pair.is_plan)
+                result, seconds = timed(ask, maps[pair.a], maps[pair.b], None, config)
                 results.append(score(building.name, method, pair, result, seconds))
     return results
 
@@ -260,7 +264,9 @@ def align_pieces(folder: Path, methods: Sequence[str]) -> list[tuple[PiecesResul
     a, b = read_pieces(folder)
     results = []
     for method in methods:
-        result, seconds = timed(align, a, b, None, settings(method))
+        ask = peers.align_kiss if method == peers.KISS else align
+        config = settings("joint" if method == peers.KISS else method)
+        result, seconds = timed(ask, a, b, None, config)
         refused = isinstance(result, NoStitch)
         best, reason = (result.best, result.reason) if isinstance(result, NoStitch) else (result, "")
         share = None if best is None else shared_walls(a, b, best.T_a_b, REACH)
