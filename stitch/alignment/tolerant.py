@@ -42,6 +42,8 @@ def align_tolerant(
     """The best alignment of two maps that may be bent, if it is accepted; ``refused`` is joint's answer,
     whose best candidate is judged along with the search's."""
     settings, walls_a = config.tolerant, facing_walls(a)
+    if not settings.free_scale and not (a.grid.free.any() and b.grid.free.any()):
+        return refused  # nothing could speak against any bend
     judged: list[Judged] = []
     for scale in scales(settings):
         walls_b = enlarged_walls(b, scale)

@@ -79,7 +79,7 @@ def test_maps_of_walls_only_are_refused_as_nothing_could_speak_against() -> None
     )
     result = align(a, b, None, BENT)
     assert isinstance(result, NoStitch)
-    assert "as bent maps: space free in both 0" in result.reason or "overlap" in result.reason
+    assert "as bent maps" not in result.reason
 
 
 def test_a_rigid_stitch_is_bent_on_demand() -> None:
