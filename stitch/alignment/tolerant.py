@@ -49,7 +49,8 @@ def align_tolerant(
         walls_b = enlarged_walls(b, scale)
         candidates = search(walls_a, walls_b, settings) + ([] if refused.best is None else [refused.best])
         starts = [candidate.T_a_b for candidate in candidates if _near(candidate.T_a_b, prior, config)]
-        judged += bend_all(walls_a, walls_b, scale, starts, settings)
+        bent = bend_all(walls_a, walls_b, scale, starts, settings)
+        judged += [one for one in bent if _near(one.T_a_b, prior, config)]
     judged = hypotheses(judged, b, settings)
     if not judged:
         return refused
@@ -234,7 +235,7 @@ def covariance(judged: Judged) -> Array:
 
 
 def _near(T_a_b: Array, prior: Prior | None, config: AlignConfig) -> bool:
-    """Whether a candidate may be meant by the prior, wherever bending takes it."""
+    """Whether an alignment may be meant by the prior, which knows nothing of bends."""
     if prior is None:
         return True
     reach = np.diag([config.tolerant.separation[0] ** 2] * 2 + [config.tolerant.separation[1] ** 2])

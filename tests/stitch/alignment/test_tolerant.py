@@ -9,7 +9,7 @@ import pytest
 
 from slam import se2
 from slam.mapping.submap import Submap
-from stitch.align import AlignConfig, NoStitch, Stitch, align
+from stitch.align import AlignConfig, NoStitch, Prior, Stitch, align
 from stitch.alignment.bend import Bend
 from stitch.alignment.config import Acceptance, TolerantConfig
 from stitch.alignment.facing import facing_walls
@@ -80,6 +80,13 @@ def test_maps_of_walls_only_are_refused_as_nothing_could_speak_against() -> None
     result = align(a, b, None, BENT)
     assert isinstance(result, NoStitch)
     assert "as bent maps" not in result.reason
+
+
+@pytest.mark.parametrize(("off", "joined"), [(0.3, True), (30.0, False)])
+def test_a_prior_is_obeyed(off: float, joined: bool) -> None:
+    prior = Prior(se2.compose(bent_rooms.T_A_B, [off, 0.0, 0.0]), np.diag([1.0, 1.0, 0.03]))
+    result = align(*bent_rooms.pair(), prior, BENT)
+    assert isinstance(result, Stitch) == joined
 
 
 def test_a_rigid_stitch_is_bent_on_demand() -> None:
