@@ -19,8 +19,8 @@ from slam.cli import POSE, InputError, Pose, RefusedError, main
 from slam.formats import FormatError
 from slam.mapping.submap import Submap
 from slam.se2 import Array
-from stitch.align import METHODS, AlignConfig, NoStitch, Prior, align
-from stitch.command import maps, merge
+from stitch.align import METHODS, AlignConfig, NoStitch, Prior, Stitch, align
+from stitch.command import explain, maps, merge
 from stitch.command.maps import as_json, as_text, in_words
 
 if TYPE_CHECKING:
@@ -50,6 +50,12 @@ class Options:
     """Standard deviations of the prior (default: 1 1 0.1745)."""
     all: Annotated[bool, arg(help_behavior_hint="")] = False
     """Join any number of maps; those that do not hang together with the first are left out."""
+    bend: Annotated[Literal["auto", "always", "never"], arg(help_behavior_hint="")] = "auto"
+    """Bend the second map onto the first: where only that joins them, or always; never: draw it rigid."""
+    scale: Annotated[bool, arg(help_behavior_hint="")] = False
+    """The second map's scale may be wrong by up to a fifth."""
+    explain: Annotated[Path | None, arg(metavar="FILE.png", help_behavior_hint="")] = None
+    """Draw the answer and its rivals side by side, also where it is refused."""
     method: Annotated[Method, arg(help_behavior_hint="")] = "joint"
     """Only joint, ours, says how sure it is; the others are there to compare."""
     format: Annotated[Literal["text", "json"], arg(help_behavior_hint="")] = "text"
@@ -61,7 +67,7 @@ def run(options: Options) -> None:
     check(options)
     submaps = read(options)
     join = join_all if options.all else join_two
-    join(options, submaps, maps.settings_for(submaps, options.method))
+    join(options, submaps, maps.settings_for(submaps, options.method, options.scale))
 
 
 def check(options: Options) -> None:
@@ -80,6 +86,15 @@ def check(options: Options) -> None:
         raise InputError("--prior is for two maps, not for --all")
     if options.all and options.method != "joint":
         raise InputError(f"--all needs covariances: expected --method joint, got {options.method}")
+    for name, used in (
+        ("bend", options.bend != "auto"),
+        ("scale", options.scale),
+        ("explain", options.explain is not None),
+    ):
+        if used and (options.all or options.method != "joint"):
+            raise InputError(f"--{name} is for two maps and --method joint")
+    if options.explain is not None and options.explain.suffix != ".png":
+        raise InputError(f"--explain {options.explain}: expected the name of a picture, as in why.png")
     if options.prior and abs(options.prior[2]) > 2.0 * math.pi:
         raise InputError(f"--prior: a yaw of {options.prior[2]:g} is more than a turn, expected radians")
     if options.prior_sigma and min(options.prior_sigma) <= 0.0:
@@ -107,13 +122,27 @@ def read(options: Options) -> list[Submap]:
 def join_two(options: Options, submaps: list[Submap], settings: AlignConfig) -> None:
     """Stitch the second map to the first. Raises `RefusedError` where that is not sure."""
     a, b = submaps
-    result = maps.between_maps(a, b, align(a, b, prior(options, a, b), settings))
+    found = align(a, b, prior(options, a, b), settings)
+    if options.bend == "always" and isinstance(found, Stitch) and found.bend is None:
+        from stitch.alignment.tolerant import bend_stitch
+
+        found = bend_stitch(a, b, found, settings)
+    elif options.bend == "never" and isinstance(found, Stitch):
+        found = replace(found, bend=None)
+    if options.explain is not None:
+        maps.write_picture(options.explain, explain.draw(labels(options.maps), a, b, found))
+    result = maps.between_maps(a, b, found)
     if isinstance(result, NoStitch):
         if options.format == "json":
             print(json.dumps(as_json(result), indent=2))
         best = "" if result.best is None else f"; the best candidate was {in_words(result.best.T_a_b)}"
         raise RefusedError(f"not sure: {result.reason}{best}")
-    written = write(options, [0, 1], submaps, np.array([np.zeros(3), result.T_a_b]))
+    lines: Sequence[Array] = ()
+    drawn = submaps
+    if isinstance(found, Stitch) and (found.bend is not None or found.scale != 1.0):
+        drawn = [a, replace(b, grid=merge.bent(b.grid, found))]
+        lines = found.bend.lines() if found.bend is not None else ()
+    written = write(options, [0, 1], drawn, np.array([np.zeros(3), result.T_a_b]), lines)
     if options.format == "json":
         print(json.dumps(as_json(result), indent=2))
     else:
@@ -148,10 +177,17 @@ def prior(options: Options, a: Submap, b: Submap) -> Prior | None:
     return maps.prior_between(a, b, np.array(options.prior), np.array(options.prior_sigma or PRIOR_SIGMA))
 
 
-def write(options: Options, members: Sequence[int], submaps: list[Submap], poses: Array) -> list[Path]:
+def write(
+    options: Options,
+    members: Sequence[int],
+    submaps: list[Submap],
+    poses: Array,
+    lines: Sequence[Array] = (),
+) -> list[Path]:
     """Write the merged map and its picture, if asked for, and return the files.
 
-    ``poses (M, 3)`` are those of the maps ``members`` in the frame of the first map.
+    ``poses (M, 3)`` are those of the maps ``members`` in the frame of the first map; ``lines``, each
+    ``(n, 2)`` m from the anchor of the first, are drawn across the picture.
     """
     if options.out is None:
         return []
@@ -167,7 +203,7 @@ def write(options: Options, members: Sequence[int], submaps: list[Submap], poses
     except ValueError as error:
         raise InputError(str(error)) from error
     whole = merge.merge([merge.place(grid, T, onto) for grid, T in zip(grids, T_first, strict=True)])
-    picture = merge.draw(labels([options.maps[k] for k in members]), grids, T_first, resolution)
+    picture = merge.draw(labels([options.maps[k] for k in members]), grids, T_first, resolution, lines)
     corner = se2.transform(T_map_anchor, whole.origin[None])[0]
     return maps.write_map(options.out, replace(whole, origin=corner), T_map_anchor[2], picture)
 

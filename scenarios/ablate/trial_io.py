@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-Purpose = Literal["sessions", "pairs", "priors"]
-NUMBERS: dict[Purpose, int] = {"sessions": 2, "pairs": 3, "priors": 4}
+Purpose = Literal["sessions", "pairs", "priors", "bends"]
+NUMBERS: dict[Purpose, int] = {"sessions": 2, "pairs": 3, "priors": 4, "bends": 5}
 """What keeps the streams of a scenario and seed apart; without a number it is the simulator's own."""
 
 

@@ -226,6 +226,56 @@ class Acceptance(Checked):
 
 
 @dataclass(frozen=True)
+class TolerantConfig(Checked):
+    """Maps that may be bent, tried where joint refuses; scores are in metres of wall."""
+
+    enabled: bool = False
+    """Whether it is tried: for whole maps of others, not for submaps of a drive, which are hardly bent."""
+    free_scale: bool = False
+    """Whether b's scale may differ by up to a fifth: maps that state a wrong resolution, floor plans. Joint
+    is not asked then."""
+    scale_step: Positive = 0.05
+    """Step between the scales that are tried, as a share."""
+    width: Positive = 0.7
+    """How far walls that are the same may lie apart in the search [m], as a standard deviation."""
+    conflict: Amount = 1.0
+    """Metres lost in the search per metre of wall deep in the other's free space."""
+    min_rotation: Share = 0.35
+    """Rotations are tried at which the directions of the walls agree so well, as a share of the best."""
+    peaks: Count = 6
+    """Best shifts that each rotation puts up."""
+    separation: tuple[Positive, Positive] = (1.0, np.radians(8.0))
+    """Alignments nearer to each other than this (m at b's middle, rad) are one in the search."""
+    candidates: Count = 60
+    """Best alignments of the search that are bent."""
+    settle_widths: tuple[Positive, Positive] = (0.8, 0.35)
+    """First and last reach [m] of the rigid alignment of each candidate, as standard deviations."""
+    settle_steps: Count = 8
+    """Steps from the one to the other."""
+    spacing: Positive = 4.0
+    """Distance of the knots [m] of the lattice that bends."""
+    spring: tuple[Positive, Positive] = (0.2, np.radians(2.5))
+    """Standard deviation (m, rad) of a knot seen from one 4 m away."""
+    stiffness: Positive = 0.05
+    """Metres of wall that half a squared standard deviation of the springs costs."""
+    bend_widths: tuple[Positive, Positive] = (1.5, 0.35)
+    """First and last reach [m] of the bending, as standard deviations."""
+    bend_steps: Count = 10
+    """Steps from the one to the other."""
+    judged_width: Positive = 0.35
+    """How far walls that are the same may lie apart once bent [m], as a standard deviation."""
+    judged_conflict: Amount = 1.25
+    """Metres lost per metre of wall deep in the other's free space once bent."""
+    rival: tuple[Positive, Positive] = (2.0, np.radians(15.0))
+    """A candidate this far (m at b's middle, rad) from the best once bent is its rival."""
+    min_margin: Limit = 35.0
+    """Metres of score ahead of the best rival, times ``(2 share − 1)²``, share being that of the walls that
+    agree of those that agree or contradict."""
+    max_ambiguity: Limit = 0.6
+    """Score of the best rival, as a share of the best's."""
+
+
+@dataclass(frozen=True)
 class CarpinConfig(Checked):
     """Carpin (2008)."""
 
@@ -306,6 +356,8 @@ class AlignConfig(Checked):
     covariance: CovarianceConfig = field(default_factory=CovarianceConfig)
     """Of joint."""
     acceptance: Acceptance = field(default_factory=Acceptance)
+    """Of joint."""
+    tolerant: TolerantConfig = field(default_factory=TolerantConfig)
     """Of joint."""
     carpin: CarpinConfig = field(default_factory=CarpinConfig)
     """Of carpin."""

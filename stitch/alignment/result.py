@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from slam import se2
 from slam.se2 import Array
+
+if TYPE_CHECKING:
+    from stitch.alignment.bend import Bend
 
 
 @dataclass(frozen=True)
@@ -42,10 +46,16 @@ class Prior:
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another alignment that was considered, with its score."""
+    """Another alignment that was considered, with its score; ``covariance (3, 3)`` in the right tangent,
+    ``belief``, its log-odds, and how b would be bent, where they were worked out; ``scale``: b is enlarged by
+    it first."""
 
     T_a_b: Array
     score: float
+    covariance: Array | None = None
+    belief: float | None = None
+    bend: Bend | None = None
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +65,9 @@ class Stitch:
     ``covariance (3, 3)`` in the right tangent, None where the method has none; ``score`` on a scale of the
     method's own, more is better; ``overlap_area`` m² known in both maps; ``agreement``: share of the walls in
     the overlap that both maps have; ``alternatives``: the other candidates, best first; ``belief``: log-odds
-    that it is right (`stitch.alignment.acceptance`), None where the method has none.
+    that it is right (`stitch.alignment.acceptance`), None where the method has none; ``bend``: how b must be
+    bent to lie on a, where it was asked, ``T_a_b`` being the rigid part; ``scale``: b is enlarged by it
+    first, 1 unless its scale was free.
     """
 
     T_a_b: Array
@@ -65,11 +77,14 @@ class Stitch:
     agreement: float
     alternatives: tuple[Alternative, ...] = ()
     belief: float | None = None
+    bend: Bend | None = None
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
 class NoStitch:
-    """The two maps could not be aligned: why not, and the best candidate if there was one."""
+    """The two maps could not be aligned: why not, the best candidate if there was one, and the others."""
 
     reason: str
     best: Alternative | None = None
+    alternatives: tuple[Alternative, ...] = ()

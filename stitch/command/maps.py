@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from slam.formats import FormatError, ros_map
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
 from slam.se2 import Array
-from stitch.alignment.config import AlignConfig
+from stitch.alignment.config import AlignConfig, TolerantConfig
 from stitch.alignment.result import Alternative, NoStitch, Prior, Stitch
 
 SUFFIXES = (".yaml", ".pgm", ".png")
@@ -51,14 +51,16 @@ def read_submap(path: Path) -> tuple[Submap, tuple[str, ...]]:
     return Submap(0, 1, found.T_map_grid, surfaces(known), known), found.notes
 
 
-def settings_for(submaps: Sequence[Submap], method: str = "joint") -> AlignConfig:
-    """The settings of a method for some maps; a raster is never finer than the maps are."""
+def settings_for(submaps: Sequence[Submap], method: str = "joint", scale: bool = False) -> AlignConfig:
+    """The settings of a method for maps that may be bent, the second perhaps of another ``scale``; a raster
+    is never finer than the maps are."""
     coarsest = max(submap.grid.resolution for submap in submaps)
     default = AlignConfig()
     return AlignConfig(
         method=method,
         resolution=max(default.resolution, coarsest),
         search=replace(default.search, resolution=max(default.search.resolution, coarsest)),
+        tolerant=TolerantConfig(enabled=True, free_scale=scale),
     )
 
 
@@ -102,23 +104,36 @@ def prior_between(a: Submap, b: Submap, T_a_b: Array, sigma: Array) -> Prior:
 
 def between_maps(a: Submap, b: Submap, result: Stitch | NoStitch) -> Stitch | NoStitch:
     """An alignment between the anchors of two submaps as one between their maps."""
+    others = tuple(_moved(a, b, alternative) for alternative in result.alternatives)
     if isinstance(result, NoStitch):
-        return replace(result, best=result.best and _moved(a, b, result.best))
+        return replace(result, best=result.best and _moved(a, b, result.best), alternatives=others)
+    return replace(_moved(a, b, result), alternatives=others)
+
+
+def pose_between_maps(a: Submap, b: Submap, T: Array, scale: float = 1.0) -> Array:
+    """Pose ``T (3,)`` of the anchor of b seen from that of a, as one of their maps, b enlarged by
+    ``scale``."""
+    return se2.compose(se2.compose(a.anchor, T), se2.inverse(_anchor(b, scale)))
+
+
+def _anchor(submap: Submap, scale: float) -> Array:
+    """The anchor ``(3,)`` in the frame of a map that is enlarged by ``scale``."""
+    anchor: Array = submap.anchor * np.array([scale, scale, 1.0])
+    return anchor
+
+
+Answer = TypeVar("Answer", Stitch, Alternative)
+
+
+def _moved(a: Submap, b: Submap, answer: Answer) -> Answer:
+    """An answer between anchors as one between maps."""
+    anchor, bend = _anchor(b, answer.scale), answer.bend
     return replace(
-        result,
-        T_a_b=pose_between_maps(a, b, result.T_a_b),
-        covariance=None if result.covariance is None else se2.transport(result.covariance, b.anchor),
-        alternatives=tuple(_moved(a, b, alternative) for alternative in result.alternatives),
+        answer,
+        T_a_b=pose_between_maps(a, b, answer.T_a_b, answer.scale),
+        covariance=None if answer.covariance is None else se2.transport(answer.covariance, anchor),
+        bend=None if bend is None else bend.between_maps(a.anchor, anchor),
     )
-
-
-def pose_between_maps(a: Submap, b: Submap, T: Array) -> Array:
-    """Pose ``T (3,)`` of the anchor of b seen from that of a, as one of their maps."""
-    return se2.compose(se2.compose(a.anchor, T), se2.inverse(b.anchor))
-
-
-def _moved(a: Submap, b: Submap, alternative: Alternative) -> Alternative:
-    return replace(alternative, T_a_b=pose_between_maps(a, b, alternative.T_a_b))
 
 
 def deviations(T_a_b: Array, covariance: Array) -> Array:
@@ -174,30 +189,67 @@ def write_map(out: Path, grid: Grid, yaw: float, picture: bytes) -> list[Path]:
     return finals
 
 
+def write_picture(path: Path, picture: bytes) -> None:
+    """Write a picture. Raises `InputError` when the file system does not let us."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(picture)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
 def as_json(result: Stitch | NoStitch) -> dict[str, Any]:
     """An alignment of two maps in m, m² and rad; ``null`` is what there is none of.
 
     ``std`` are the standard deviations of the three numbers of ``T_a_b``; ``belief`` is the probability that
     they are right at all, as of simulated pairs like these; ``alternatives`` are the other candidates, best
-    first; of a refusal all of them are, the best one too.
+    first; of a refusal all of them are, the best one too. Map b is enlarged by ``scale`` first. ``bend`` is
+    how it is bent then: knots in its frame, and where the bend takes them beyond ``T_a_b`` (x and y m, yaw
+    rad, in the frame of a); between them it is bilinear in the poses.
     """
     content: dict[str, Any] = {"accepted": isinstance(result, Stitch)}
     content |= dict.fromkeys(("T_a_b", "std", "overlap_m2", "agreement", "margin", "reason"))
+    bend, scale = None, None
     if isinstance(result, NoStitch):
         content["reason"], belief = result.reason, None
-        others = [] if result.best is None else [result.best]
+        others = [] if result.best is None else [result.best, *result.alternatives]
     else:
+        bend, scale = _bend_json(result), float(result.scale)
         others, belief = list(result.alternatives), result.belief
         content["T_a_b"] = result.T_a_b.tolist()
         if result.covariance is not None:
             content["std"] = deviations(result.T_a_b, result.covariance).tolist()
         content["overlap_m2"], content["agreement"] = result.overlap_area, result.agreement
         content["margin"] = margin(result)
-    content["alternatives"] = [{"T_a_b": other.T_a_b.tolist(), "score": other.score} for other in others]
-    return content | {"belief": None if belief is None else _probability(belief)}
+    content["alternatives"] = [_alternative_json(other) for other in others]
+    content["belief"] = None if belief is None else as_probability(belief)
+    return content | {"scale": scale, "bend": bend}
 
 
-def _probability(log_odds: float) -> float:
+def _alternative_json(other: Alternative) -> dict[str, Any]:
+    """A candidate; how sure it is where that was worked out."""
+    content: dict[str, Any] = {"T_a_b": other.T_a_b.tolist(), "score": other.score}
+    if other.covariance is not None:
+        content["std"] = deviations(other.T_a_b, other.covariance).tolist()
+    if other.belief is not None:
+        content["belief"] = as_probability(other.belief)
+    return content
+
+
+def _bend_json(stitch: Stitch) -> dict[str, Any] | None:
+    """The field of a bend at its knots."""
+    if stitch.bend is None:
+        return None
+    return {
+        "largest_displacement_m": stitch.bend.largest_displacement(stitch.T_a_b),
+        "spacing_m": stitch.bend.spacing,
+        "knots": stitch.bend.places.reshape(-1, 2).tolist(),
+        "displacements": stitch.bend.displacements(stitch.T_a_b).reshape(-1, 3).tolist(),
+    }
+
+
+def as_probability(log_odds: float) -> float:
+    """The probability with some log-odds."""
     return float(1.0 / (1.0 + np.exp(-log_odds)))
 
 
@@ -228,7 +280,12 @@ def as_text(stitch: Stitch, a: str, b: str) -> str:
     lines.append(f"  overlap   {stitch.overlap_area:10.1f} m²")
     lines.append(f"  agreement {stitch.agreement:10.2f} of the walls in the overlap are in both maps")
     if stitch.belief is not None:
-        lines.append(f"  belief    {100.0 * _probability(stitch.belief):10.1f} % that it is right at all")
+        lines.append(f"  belief    {100.0 * as_probability(stitch.belief):10.1f} % that it is right at all")
+    if stitch.scale != 1.0:
+        lines.append(f"  scale     {stitch.scale:10.3f}")
+    if stitch.bend is not None:
+        largest = stitch.bend.largest_displacement(stitch.T_a_b)
+        lines.append(f"  bent      {largest:10.2f} m at most")
     lead = margin(stitch)
     rival = in_words(stitch.alternatives[0].T_a_b) if stitch.alternatives else "none"
     lines.append(f"  runner-up {rival}" + ("" if lead is None else f", margin {lead:.2f}"))

@@ -12,10 +12,12 @@ import numpy as np
 from slam import se2
 from slam.mapping.occupancy import MAX_CELLS, Grid, dilated
 from slam.se2 import Array
+from stitch.alignment.result import Alternative, Stitch
 
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 """Of the maps, in turn (Okabe & Ito 2008: told apart by the colour-blind)."""
 OVERLAP_COLOUR = "#000000"
+GRID_COLOUR = "#56B4E9"
 OPEN, OPEN_TO_MANY = "#F4F4F4", "#DEDEDE"
 PIXELS = 1000
 """Cells of the longer side at most: every cell is a pixel at least, so that no wall gets lost."""
@@ -81,6 +83,33 @@ def _dense_points(grid: Grid, spacing: float) -> Array:
     return (grid.occupied_points()[:, None] + np.stack([dx, dy], -1)).reshape(-1, 2)
 
 
+def bent(grid: Grid, stitch: Stitch | Alternative) -> Grid:
+    """A grid as its stitch enlarges and bends it, in the frame that ``stitch.T_a_b`` moves.
+
+    Occupied cells are moved as points; free space is looked up from where each cell came from.
+    """
+    bend, T, scale = stitch.bend, stitch.T_a_b, stitch.scale
+    resolution = scale * grid.resolution
+    x_min, x_max, y_min, y_max = grid.extent
+    reach = 0.0 if bend is None else bend.largest_displacement(T)
+    first = np.floor((scale * np.array([x_min, y_min]) - reach) / resolution)
+    columns, rows = (np.ceil((scale * np.array([x_max, y_max]) + reach) / resolution) - first).astype(int)
+    origin = first * resolution
+    occupied = np.zeros((rows, columns), dtype=bool)
+    points = scale * _dense_points(grid, 0.6 * grid.resolution)
+    placed = points if bend is None else se2.transform(se2.inverse(T), bend.apply(points))
+    column, row = np.floor((placed - origin) / resolution).astype(np.int64).T
+    occupied[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)] = True
+    x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+    centres = origin + (np.stack([x.ravel(), y.ravel()], -1) + 0.5) * resolution
+    back = centres if bend is None else bend.undo(se2.transform(T, centres), T)
+    column, row = np.floor((back / scale - grid.origin) / grid.resolution).astype(np.int64).T
+    inside = (column >= 0) & (row >= 0) & (column < grid.free.shape[1]) & (row < grid.free.shape[0])
+    free = np.zeros(rows * columns, dtype=bool)
+    free[inside] = grid.free[row[inside], column[inside]]
+    return Grid(occupied, free.reshape(rows, columns) & ~occupied, origin, resolution)
+
+
 def merge(layers: Sequence[Grid]) -> Grid:
     """Grids of one canvas as one: a cell is occupied where any of them is, and else free where any is.
 
@@ -91,14 +120,22 @@ def merge(layers: Sequence[Grid]) -> Grid:
     return Grid(occupied, free & ~occupied, layers[0].origin, layers[0].resolution)
 
 
-def draw(names: Sequence[str], grids: Sequence[Grid], poses: Sequence[Array], resolution: float) -> bytes:
+def draw(
+    names: Sequence[str],
+    grids: Sequence[Grid],
+    poses: Sequence[Array],
+    resolution: float,
+    lines: Sequence[Array] = (),
+) -> bytes:
     """PNG of ``grids`` at ``poses``, each ``(3,)``, in the frame of the first, with a legend and a scale bar.
 
-    Walls are shared where another map has one within a cell (after the thesis's figure 5.14).
+    Walls are shared where another map has one within a cell (after the thesis's figure 5.14). ``lines``, each
+    ``(n, 2)`` m, are drawn across it: a grid that is bent with a map.
     """
     x_min, x_max, y_min, y_max = canvas(grids, poses, resolution).extent
     onto = canvas(grids, poses, max(resolution, (x_max - x_min) / PIXELS, (y_max - y_min) / PIXELS))
-    return _png(_coloured([place(grid, T, onto) for grid, T in zip(grids, poses, strict=True)]), onto, names)
+    layers = [place(grid, T, onto) for grid, T in zip(grids, poses, strict=True)]
+    return _png(_coloured(layers), onto, names, lines)
 
 
 def _coloured(layers: Sequence[Grid]) -> np.ndarray:
@@ -117,7 +154,7 @@ def _coloured(layers: Sequence[Grid]) -> np.ndarray:
     return cells
 
 
-def _png(cells: np.ndarray, onto: Grid, names: Sequence[str]) -> bytes:
+def _png(cells: np.ndarray, onto: Grid, names: Sequence[str], lines: Sequence[Array] = ()) -> bytes:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
@@ -134,6 +171,9 @@ def _png(cells: np.ndarray, onto: Grid, names: Sequence[str]) -> bytes:
     figure = Figure(figsize=(wide, tall + foot))
     ax = figure.add_axes((0.0, foot / (tall + foot), 1.0, tall / (tall + foot)))
     ax.imshow(cells, origin="lower", extent=onto.extent, interpolation="nearest", aspect="equal")
+    for line in lines:
+        ax.plot(line[:, 0], line[:, 1], color=GRID_COLOUR, linewidth=0.5, alpha=0.7)
+    ax.set(xlim=onto.extent[:2], ylim=onto.extent[2:])
     ax.set_axis_off()
     _scale_bar(figure, inch / onto.resolution, (0.5 * wide, foot - 0.6 * BAR))
     legend = figure.legend(handles=patches, loc="lower center", ncols=PER_ROW, frameon=False)

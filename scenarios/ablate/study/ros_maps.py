@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from slam.formats import FormatError
 from slam.mapping.submap import Submap
 from slam.se2 import Array
 from slam.table import Table, number
-from stitch.align import NoStitch, align
+from stitch.align import NoStitch, Stitch, align
 from stitch.command.maps import between_maps, prior_between, read_submap, settings_for
 
 LIMIT = (0.3, np.radians(3.0))
@@ -142,12 +142,20 @@ def join(a: PublishedMap, b: PublishedMap, kind: str, rng: np.random.Generator |
     result = between_maps(a.submap, b.submap, anchored)
     smaller_a = len(a.submap.points) < len(b.submap.points)
     middle = se2.transform(se2.inverse(truth), a.middle[None])[0] if smaller_a else b.middle
-    outcome, error, _ = score_alignment(result, truth, middle, LIMIT)
+    outcome, error, _ = score_alignment(bent_at(result, middle), truth, middle, LIMIT)
     if kind == DIFFERENT:
         outcome, error = ("refused" if isinstance(result, NoStitch) else "false"), (np.nan, np.nan)
     belief = np.nan if isinstance(result, NoStitch) or result.belief is None else result.belief
     place = a.place if kind != DIFFERENT else f"{a.place}, {b.place}"
     return PairResult(kind, place, a.name, b.name, outcome, *error, belief, seconds, reason)
+
+
+def bent_at(result: Stitch | NoStitch, middle_b: Array) -> Stitch | NoStitch:
+    """A bent answer as the rigid one that puts b's point ``middle_b (2,)`` m where the bend does."""
+    if isinstance(result, NoStitch) or result.bend is None:
+        return result
+    off = result.bend.apply(middle_b[None])[0] - se2.transform(result.T_a_b, middle_b[None])[0]
+    return replace(result, T_a_b=result.T_a_b + np.array([*off, 0.0]))
 
 
 def pairs_table(results: list[PairResult]) -> Table:

@@ -10,8 +10,17 @@ import numpy as np
 import pytest
 
 from scenarios.ablate.options import HalmstadOptions as Options
-from scenarios.ablate.study.halmstad import RESOLUTION, annotated_pairs, read_map, run, shared_walls
+from scenarios.ablate.study.halmstad import (
+    FITS,
+    RESOLUTION,
+    annotated_pairs,
+    read_map,
+    run,
+    score,
+    shared_walls,
+)
 from slam import se2
+from stitch.align import Alternative, NoStitch, Stitch
 
 TURN = np.radians(90.0)
 T_A_B = np.array([3.0, -2.0, TURN])
@@ -39,24 +48,42 @@ def building(folder: Path, scale: float = 1.0) -> None:
     np.save(folder / "association_one_two.npy", np.stack([np.arange(4)] * 2, -1))
 
 
-def test_annotations_give_the_pose_back(tmp_path: Path) -> None:
-    building(tmp_path / "b")
-    pairs, annotated = annotated_pairs(tmp_path / "b")
-    assert annotated == 1
-    np.testing.assert_allclose(pairs[0].T_a_b, T_A_B, atol=1e-9)
-    assert pairs[0].scale == pytest.approx(1.0)
-    assert pairs[0].residual == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_pair_that_no_rigid_map_fits_is_not_scored(tmp_path: Path) -> None:
+def test_annotations_give_the_similarity_back(tmp_path: Path) -> None:
     building(tmp_path / "b", scale=1.1)
-    assert annotated_pairs(tmp_path / "b") == ([], 1)
+    (pair,) = annotated_pairs(tmp_path / "b")
+    assert pair.scale == pytest.approx(1.0 / 1.1)
+    assert pair.residual == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(pair.errors(T_A_B, 1.0 / 1.1), 0.0, atol=1e-9)
+    np.testing.assert_allclose(pair.errors(T_A_B + np.array([0.3, 0.4, 0.0]), 1.0 / 1.1), 0.5)
 
 
 def test_pickled_annotations_are_never_loaded(tmp_path: Path) -> None:
     building(tmp_path / "b")
     np.save(tmp_path / "b" / "association_one_two.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    assert annotated_pairs(tmp_path / "b") == ([], 0)
+    assert annotated_pairs(tmp_path / "b") == []
+
+
+def test_a_floor_plan_comes_first(tmp_path: Path) -> None:
+    building(tmp_path / "b")
+    for name in ("{}.png", "keypoints_{}.npy", "association_one_{}.npy"):
+        (tmp_path / "b" / name.format("two")).rename(tmp_path / "b" / name.format("two_layout"))
+    (tmp_path / "b" / "association_one_two_layout.npy").rename(
+        tmp_path / "b" / "association_two_layout_one.npy"
+    )
+    (pair,) = annotated_pairs(tmp_path / "b")
+    assert (pair.a, pair.b, pair.is_plan) == ("two_layout", "one", True)
+
+
+def test_the_best_candidate_is_scored_accepted_or_not(tmp_path: Path) -> None:
+    building(tmp_path / "b")
+    (pair,) = annotated_pairs(tmp_path / "b")
+    off = T_A_B + np.array([3.0, 4.0, 0.0])
+    refused = score("b", "joint", pair, NoStitch("why", Alternative(off, 1.0)), 0.1)
+    assert (refused.accepted, refused.wrong, refused.error_m) == (False, False, pytest.approx(5.0))
+    accepted = score("b", "joint", pair, Stitch(off, None, 1.0, 1.0, 1.0), 0.1)
+    assert (accepted.accepted, accepted.wrong) == (True, True)
+    nothing = score("b", "joint", pair, NoStitch("why"), 0.1)
+    assert np.isnan(nothing.error_m)
 
 
 def test_shared_walls_by_hand(tmp_path: Path) -> None:
@@ -89,7 +116,12 @@ def test_the_study_draws_the_pieces_beside_the_published_map(
 
 def test_halmstad_has_the_pairs_that_are_reported(shared_data: Path) -> None:
     found = {name: annotated_pairs(shared_data / "halmstad" / name) for name in ("E5", "HIH")}
-    assert {name: (len(pairs), annotated) for name, (pairs, annotated) in found.items()} == {
-        "E5": (36, 91),
-        "HIH": (3, 3),
+    counts = {
+        name: (sum(not p.is_plan for p in pairs), sum(not p.is_plan and p.residual < FITS for p in pairs))
+        for name, pairs in found.items()
+    }
+    assert counts == {"E5": (91, 82), "HIH": (3, 3)}
+    assert {name: sum(pair.is_plan for pair in pairs) for name, pairs in found.items()} == {
+        "E5": 14,
+        "HIH": 3,
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 
 from scenarios.ablate.options import RosMapsOptions
 from scenarios.ablate.study import ros_maps
-from scenarios.ablate.study.ros_maps import ITSELF, ONE_PLACE, WITH_PRIOR, run
+from scenarios.ablate.study.ros_maps import ITSELF, ONE_PLACE, WITH_PRIOR, bent_at, run
 from slam.formats.ros_map import write
 from slam.mapping.occupancy import Grid
+from stitch.align import Stitch
+from stitch.alignment.bend import Bend
 
 
 def flat(doors: tuple[int, int]) -> Grid:
@@ -61,3 +64,14 @@ def test_as_published_hospital_and_maze_join_and_a_round_world_does_not(shared_d
     assert outcomes[ONE_PLACE, "hospital"] == ["right"] * 3
     assert outcomes[WITH_PRIOR, "maze"] == ["right"] * 3
     assert not any("false" in several for several in outcomes.values())
+
+
+def test_a_bent_answer_is_scored_where_the_bend_puts_the_middle() -> None:
+    lattice = Bend(np.zeros(2), 4.0, np.zeros((3, 3, 3))).moved_to(np.zeros(3))
+    nodes = lattice.nodes + np.array([0.4, -0.2, 0.0])
+    stitch = Stitch(np.zeros(3), None, 1.0, 1.0, 1.0, bend=replace(lattice, nodes=nodes))
+    moved = bent_at(stitch, np.array([2.0, 3.0]))
+    assert isinstance(moved, Stitch)
+    np.testing.assert_allclose(moved.T_a_b, [0.4, -0.2, 0.0], atol=1e-12)
+    rigid = replace(stitch, bend=None)
+    assert bent_at(rigid, np.zeros(2)) is rigid

@@ -13,11 +13,22 @@ from slam import se2
 from slam.mapping.submap import Submap
 from slam.matching import MatchConfig
 from stitch.align import METHODS, AlignConfig, NoStitch, Prior, Stitch, align
-from stitch.alignment.config import Acceptance, DirectionConfig, RotationConfig
+from stitch.alignment.config import Acceptance, DirectionConfig, RotationConfig, TolerantConfig
+from stitch.alignment.tolerant import scaled
 from stitch.alignment.walls import SurfaceConfig, surfaces
 
 Maps = tuple[Submap, Submap, Prior | None]
 MANY_DIRECTIONS = {"directions": DirectionConfig(min_strength=0.0, min_background_ratio=0.0)}
+BENT = {
+    "acceptance": Acceptance(min_belief=1e4),
+    "tolerant": TolerantConfig(enabled=True, candidates=4, min_margin=1.0),
+}
+"""Joint refuses, and then the maps are taken for bent ones."""
+FREE = {
+    "tolerant": TolerantConfig(
+        enabled=True, free_scale=True, candidates=1, min_margin=1.0, scale_step=0.2, max_ambiguity=1.0
+    )
+}
 
 
 def changes(value: object, maps: str = "near", **base: Any) -> tuple[object, str, dict[str, Any], str]:
@@ -95,6 +106,27 @@ CASES = {
     "acceptance.slide": changes(0.05),
     "acceptance.sliding": refuses(np.inf, "slides along its walls", acceptance=Acceptance(min_belief=1e4)),
     "acceptance.close_lead": refuses(np.inf, "a rival has", acceptance=Acceptance(min_belief=1e4)),
+    "tolerant.enabled": refuses(False, "belief", "most", **BENT),
+    "tolerant.free_scale": refuses(True, "scale", "most", **BENT),
+    "tolerant.scale_step": changes(0.1, "enlarged", **FREE),
+    "tolerant.width": changes(0.5, "most", **BENT),
+    "tolerant.conflict": changes(2.0, "most", **BENT),
+    "tolerant.min_rotation": changes(0.99, "most", **BENT),
+    "tolerant.peaks": changes(1, "most", **BENT),
+    "tolerant.separation": changes((4.0, 0.5), "most", **BENT),
+    "tolerant.candidates": changes(2, "most", **BENT),
+    "tolerant.settle_widths": changes((0.5, 0.2), "most", **BENT),
+    "tolerant.settle_steps": changes(2, "most", **BENT),
+    "tolerant.spacing": changes(6.0, "most", **BENT),
+    "tolerant.spring": changes((0.1, 0.02), "most", **BENT),
+    "tolerant.stiffness": changes(0.2, "most", **BENT),
+    "tolerant.bend_widths": changes((1.0, 0.2), "most", **BENT),
+    "tolerant.bend_steps": changes(4, "most", **BENT),
+    "tolerant.judged_width": changes(0.2, "most", **BENT),
+    "tolerant.judged_conflict": changes(2.0, "most", **BENT),
+    "tolerant.rival": changes((4.0, 0.5), "most", **BENT),
+    "tolerant.min_margin": refuses(1e4, "margin", "most", **BENT),
+    "tolerant.max_ambiguity": refuses(-1.0, "ambiguity: a rival", "most", **BENT),
     "carpin.n_theta": changes(180, method="carpin"),
     "carpin.n_peaks": changes(1, method="carpin"),
     "carpin.min_acceptance_index": refuses(1.0, "acceptance index", method="carpin"),
@@ -140,11 +172,13 @@ def situations(plan: dict[str, Callable[..., Any]]) -> dict[str, Maps]:
         return Prior(se2.compose(T, [0.3, -0.3, 0.05]), np.diag([0.5, 0.5, 0.1]) ** 2)
 
     a, b, T_near = plan["pair"](0, 8.0)
+    most_a, most_b, _ = plan["pair"](5, 24.0)
     stones_a, stones_b, T_stones = plan["stones"]()
     return {
         "near": (a, b, None),
         "guessed": (a, b, guess(T_near)),
-        "most": (*plan["pair"](5, 24.0)[:2], None),
+        "most": (most_a, most_b, None),
+        "enlarged": (most_a, scaled(most_b, 1.1), None),
         "stones": (stones_a, stones_b, guess(T_stones)),
     }
 

@@ -109,6 +109,7 @@ def is_true(T_a_b: Sequence[float], a: str, b: str) -> bool:
 
 
 KEYS = ["accepted", "T_a_b", "std", "overlap_m2", "agreement", "margin", "reason", "alternatives", "belief"]
+KEYS += ["scale", "bend"]
 
 
 def test_json_says_where_and_how_sure(maps: Path) -> None:
