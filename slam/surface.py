@@ -18,8 +18,8 @@ def _distance(points, i, j):
 
 @njit(cache=True)
 def _window(points, centre, radius, side, most):
-    """Last index of the run of neighbours within ``radius`` of ``centre`` on a side (+1 or -1), among the next
-    ``most`` beams. Beams without return are passed over: what was seen beside them is still one surface."""
+    """Last index of the run of neighbours within ``radius`` of ``centre`` on a side (+1 or -1), among the
+    next ``most`` beams. Beams without return are passed over: what lies beside them is still one surface."""
     last = following = centre
     while True:
         following += side
@@ -34,8 +34,8 @@ def _window(points, centre, radius, side, most):
 
 @njit(cache=True)
 def _principal_axis(points, first, last):
-    """Direction [rad] of the points ``first..last``, their scatter along it [m²], the rms across it [m] and their
-    number; rows of NaN are none."""
+    """Direction [rad] of the points ``first..last``, their scatter along it [m²], the rms across it [m] and
+    their number; rows of NaN are none."""
     n = 0
     mx = my = 0.0
     for i in range(first, last + 1):

@@ -68,6 +68,13 @@ def test_a_step_in_depth_is_not_bridged() -> None:
     np.testing.assert_allclose(np.abs(modulo_half_turn(found - np.pi / 2)), 0.0, atol=1e-6)
 
 
+def test_a_wall_keeps_its_tangents_where_beams_are_lost() -> None:
+    points = np.stack([np.full(40, 2.0), 0.02 * np.arange(40)], -1)
+    points[1::2] = np.nan
+    found, _ = tangents(points)
+    np.testing.assert_allclose(np.abs(modulo_half_turn(found[::2] - np.pi / 2)), 0.0, atol=1e-6)
+
+
 def test_lonely_points_have_no_tangent() -> None:
     points = np.array([[1.0, 0.0], [1.0, 0.02], [np.nan, np.nan], [3.0, 0.0], [np.nan, np.nan], [1.0, 0.1]])
     found, deviation = tangents(points)
@@ -82,16 +89,17 @@ def test_far_walls_are_read_over_a_longer_stretch() -> None:
 
 
 def slow_tangent(points: Array, i: int, reach: float) -> tuple[float, float]:
-    """The principal axis of the unbroken run about i, at the reach or half of it."""
+    """The principal axis of the run about i over the beams that returned, at the reach or half of it."""
+    there = np.flatnonzero(np.isfinite(points[:, 0]))
     for radius in (reach, reach / 2):
         run = [i]
-        for side in (1, -1):
-            k = i
-            while 0 <= k + side < len(points) and abs(k + side - i) <= REACH:
-                gap = np.linalg.norm(points[k + side] - points[k])
-                if not (gap <= radius and np.linalg.norm(points[k + side] - points[i]) <= radius):
+        for others in (there[there > i], there[there < i][::-1]):
+            last = i
+            for k in others[np.abs(others - i) <= REACH]:
+                apart = [np.linalg.norm(points[k] - points[j]) for j in (last, i)]
+                if max(apart) > radius:
                     break
-                k += side
+                last = k
                 run.append(k)
         if len(run) < 3:
             break
