@@ -23,13 +23,14 @@ from slam.odometry.track import Verdict
 from slam.recording import Recording
 from slam.se2 import Array
 from stitch.align import NoStitch
+from stitch.alignment.result import Alternative
 from stitch.mapping.estimate import Estimate, LoopCandidate
 
 SCHEMA = 1
 """Version of the layout of metrics.json."""
 STEP_COLUMNS = ("method", "scan", "time", "verdict", "reference", "matches", "error_trans", "error_rot")
 STITCH_FIELDS = {name: name for name in ("T_a_b", "covariance", "score", "overlap_m2", "agreement", "belief")}
-STITCH_FIELDS |= {"overlap_m2": "overlap_area", "alternatives": "alternatives"}
+STITCH_FIELDS |= {"overlap_m2": "overlap_area"}
 """Key in stitches.json -> field of a ``Stitch``."""
 WHITE = 255
 """Shade of free cells in the PNG maps, which are for looking at."""
@@ -103,13 +104,18 @@ def stitch_to_json(estimate: Estimate, candidate: LoopCandidate, truth: Array | 
     }
     result = candidate.result
     if isinstance(result, NoStitch):
-        return {**entry, "reason": result.reason, "best": result.best}
+        return {**entry, "reason": result.reason, "best": result.best and _alternative(result.best)}
     entry |= {key: getattr(result, field) for key, field in STITCH_FIELDS.items()}
+    entry["alternatives"] = [_alternative(alternative) for alternative in result.alternatives]
     error = None if truth is None else stitch_error(estimate, candidate, truth)
     if error is not None:
         entry |= {"error_m": error.translation, "error_deg": float(np.degrees(error.rotation))}
         entry["false"] = candidate.accepted and error.false
     return entry
+
+
+def _alternative(alternative: Alternative) -> dict[str, object]:
+    return {"T_a_b": alternative.T_a_b, "score": alternative.score}
 
 
 def _write_trajectories(folder: Path, recording: Recording, estimates: Sequence[Estimate]) -> None:
