@@ -155,9 +155,9 @@ def path_length(poses: ArrayLike) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def fit_rigid(source: ArrayLike, target: ArrayLike) -> Array:
+def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Array:
     """Pose ``T_target_source (3,)`` that moves points ``source (n, 2)`` onto ``target (n, 2)`` with the least
-    squared error, without scale (Umeyama 1991, doi:10.1109/34.88573).
+    squared error, weighed by ``weights (n,)``, without scale (Umeyama 1991, doi:10.1109/34.88573).
 
     Where the points of either set coincide, any rotation fits: yaw is then 0. Raises ``ValueError`` unless
     both are ``(n, 2)`` with n > 0.
@@ -165,7 +165,10 @@ def fit_rigid(source: ArrayLike, target: ArrayLike) -> Array:
     source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if source.shape != target.shape or source.ndim != 2 or source.shape[1] != 2 or len(source) == 0:
         raise ValueError(f"rigid fit: expected two (n, 2) with n > 0, got {source.shape} and {target.shape}")
-    centre_source, centre_target = source.mean(axis=0), target.mean(axis=0)
+    share = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
+    share = share[:, None] / share.sum()
+    centre_source, centre_target = np.sum(share * source, axis=0), np.sum(share * target, axis=0)
     p, q = source - centre_source, target - centre_target
-    yaw = float(np.arctan2(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]), np.sum(p * q)))
+    pull = share * q
+    yaw = float(np.arctan2(np.sum(p[:, 0] * pull[:, 1] - p[:, 1] * pull[:, 0]), np.sum(p * pull)))
     return np.array([*(centre_target - rotation(yaw) @ centre_source), yaw])

@@ -105,7 +105,7 @@ class Bend:
 
     def energy(self, config: TolerantConfig) -> float:
         """What the springs hold, in squared standard deviations, halved."""
-        return float(spring_energy(self.nodes, self.knots, *_springs(self.spacing, config)))
+        return float(spring_energy(self.nodes, self.spacing, *_springs(self.spacing, config)))
 
     def least_jacobian(self, points: Array) -> float:
         """Least determinant of the field's Jacobian at ``points (n, 2)`` m: not above 0 where it folds."""
@@ -131,27 +131,41 @@ def _cell(x, y, first, spacing, rows, columns):
 
 
 @njit(cache=True)
+def _knot(q, x, y, first, spacing, cell):
+    """Knot q of 4 around a place: its row and column, its share of it, and the place seen from it."""
+    row, column, u, v = cell
+    i, j = row + q // 2, column + q % 2
+    share = (v if q // 2 else 1.0 - v) * (u if q % 2 else 1.0 - u)
+    return i, j, share, x - first[0] - spacing * j, y - first[1] - spacing * i
+
+
+@njit(cache=True)
+def _carry(nodes, cosine, sine, first, spacing, x, y):
+    """Place in a and turn of one place in b; ``cosine`` and ``sine (R, C)`` of the knots' turns."""
+    cell = _cell(x, y, first, spacing, nodes.shape[0], nodes.shape[1])
+    there_x = there_y = turn = 0.0
+    for q in range(4):
+        i, j, share, dx, dy = _knot(q, x, y, first, spacing, cell)
+        c, s = cosine[i, j], sine[i, j]
+        there_x += share * (nodes[i, j, 0] + c * dx - s * dy)
+        there_y += share * (nodes[i, j, 1] + s * dx + c * dy)
+        turn += share * nodes[i, j, 2]
+    return there_x, there_y, turn
+
+
+@njit(cache=True)
 def apply_lattice(nodes, first, spacing, points):
     """Places in a and turn ``(n, 3)`` of ``points (n, 2)`` m of b."""
-    rows, columns, _ = nodes.shape
-    out = np.zeros((len(points), 3))
+    out = np.empty((len(points), 3))
     cosine, sine = np.cos(nodes[:, :, 2]), np.sin(nodes[:, :, 2])
     for p in range(len(points)):
-        row, column, u, v = _cell(points[p, 0], points[p, 1], first, spacing, rows, columns)
-        for di in range(2):
-            for dj in range(2):
-                i, j = row + di, column + dj
-                share = (v if di else 1.0 - v) * (u if dj else 1.0 - u)
-                x, y = points[p, 0] - first[0] - spacing * j, points[p, 1] - first[1] - spacing * i
-                c, s = cosine[i, j], sine[i, j]
-                out[p, 0] += share * (nodes[i, j, 0] + c * x - s * y)
-                out[p, 1] += share * (nodes[i, j, 1] + s * x + c * y)
-                out[p, 2] += share * nodes[i, j, 2]
+        x, y = points[p, 0], points[p, 1]
+        out[p, 0], out[p, 1], out[p, 2] = _carry(nodes, cosine, sine, first, spacing, x, y)
     return out
 
 
 @njit(cache=True)
-def pair_with(x, y, angle, known, weight, width, points, angles, known_a, nearest, corner):
+def pair_with(x, y, angle, known, weight, width, points, angles, nearest, corner):
     """The point of another map's walls that suits one at ``(x, y)`` m facing ``angle`` rad best: its index
     (−1: none) and the agreement, weighed by metres of wall."""
     j, i = int(np.floor((x - corner[0]) / CELL)), int(np.floor((y - corner[1]) / CELL))
@@ -187,30 +201,19 @@ def normal_equations(
     for p in range(len(points_b)):
         if not known_b[p]:
             continue
-        row, column, u, v = _cell(points_b[p, 0], points_b[p, 1], first, spacing, rows, columns)
-        x = y = turn = 0.0
-        for q in range(4):
-            i, j = row + q // 2, column + q % 2
-            share = (v if q // 2 else 1.0 - v) * (u if q % 2 else 1.0 - u)
-            bx, by = points_b[p, 0] - first[0] - spacing * j, points_b[p, 1] - first[1] - spacing * i
-            c, s = cosine[i, j], sine[i, j]
-            x += share * (nodes[i, j, 0] + c * bx - s * by)
-            y += share * (nodes[i, j, 1] + s * bx + c * by)
-            turn += share * nodes[i, j, 2]
+        own_x, own_y = points_b[p, 0], points_b[p, 1]
+        x, y, turn = _carry(nodes, cosine, sine, first, spacing, own_x, own_y)
         partner, agreement = pair_with(
-            x, y, angles_b[p] + turn, True, weights_b[p], width, points, angles, known_a, nearest, corner
+            x, y, angles_b[p] + turn, True, weights_b[p], width, points, angles, nearest, corner
         )
-        if partner < 0 or agreement < 1e-4 * weights_b[p]:
+        if partner < 0 or agreement < 1e-4 * weights_b[p] or not known_a[partner]:
             continue
         nx, ny = np.cos(angles[partner]), np.sin(angles[partner])
-        if not known_a[partner]:
-            continue
         residual = nx * (x - points[partner, 0]) + ny * (y - points[partner, 1])
         weight = agreement / (width * width)
+        cell = _cell(own_x, own_y, first, spacing, rows, columns)
         for q in range(4):
-            i, j = row + q // 2, column + q % 2
-            share = (v if q // 2 else 1.0 - v) * (u if q % 2 else 1.0 - u)
-            bx, by = points_b[p, 0] - first[0] - spacing * j, points_b[p, 1] - first[1] - spacing * i
+            i, j, share, bx, by = _knot(q, own_x, own_y, first, spacing, cell)
             c, s = cosine[i, j], sine[i, j]
             at = 3 * (i * columns + j)
             index[3 * q], index[3 * q + 1], index[3 * q + 2] = at, at + 1, at + 2
@@ -225,6 +228,22 @@ def normal_equations(
 
 
 @njit(cache=True)
+def _extension(nodes, spacing, i, j, down):
+    """A spring from knot (i, j) to the next of its row, or ``down`` its column: how far that is from where
+    the mean turn of both expects it (x and y m, yaw rad), and what a turn adds to it (m/rad)."""
+    k, m = (i + 1, j) if down else (i, j + 1)
+    lx, ly = (0.0, spacing) if down else (spacing, 0.0)
+    turn = 0.5 * (nodes[i, j, 2] + nodes[k, m, 2])
+    c, s = np.cos(turn), np.sin(turn)
+    off = (
+        nodes[k, m, 0] - nodes[i, j, 0] - (c * lx - s * ly),
+        nodes[k, m, 1] - nodes[i, j, 1] - (s * lx + c * ly),
+        nodes[k, m, 2] - nodes[i, j, 2],
+    )
+    return off, (0.5 * (s * lx + c * ly), 0.5 * (-c * lx + s * ly), 0.0)
+
+
+@njit(cache=True)
 def add_springs(A, g, nodes, spacing, stiff, stiff_turn):
     """Add the springs between neighbouring knots to the normal equations, in place."""
     rows, columns, _ = nodes.shape
@@ -235,15 +254,7 @@ def add_springs(A, g, nodes, spacing, stiff, stiff_turn):
                 k, m = (i + 1, j) if down else (i, j + 1)
                 if k >= rows or m >= columns:
                     continue
-                lx, ly = (0.0, spacing) if down else (spacing, 0.0)
-                turn = 0.5 * (nodes[i, j, 2] + nodes[k, m, 2])
-                c, s = np.cos(turn), np.sin(turn)
-                off = (
-                    nodes[k, m, 0] - nodes[i, j, 0] - (c * lx - s * ly),
-                    nodes[k, m, 1] - nodes[i, j, 1] - (s * lx + c * ly),
-                    nodes[k, m, 2] - nodes[i, j, 2],
-                )
-                lever = (0.5 * (s * lx + c * ly), 0.5 * (-c * lx + s * ly), 0.0)
+                off, lever = _extension(nodes, spacing, i, j, down)
                 at, to = 3 * (i * columns + j), 3 * (k * columns + m)
                 for q in range(3):
                     index[q], index[3 + q] = at + q, to + q
@@ -262,23 +273,16 @@ def add_springs(A, g, nodes, spacing, stiff, stiff_turn):
 
 
 @njit(cache=True)
-def spring_energy(nodes, knots, stiff, stiff_turn):
+def spring_energy(nodes, spacing, stiff, stiff_turn):
     """Half the sum of the springs' squared extensions, weighed."""
     rows, columns, _ = nodes.shape
     total = 0.0
     for i in range(rows):
         for j in range(columns):
             for down in range(2):
-                k, m = (i + 1, j) if down else (i, j + 1)
-                if k >= rows or m >= columns:
-                    continue
-                lx, ly = knots[k, m, 0] - knots[i, j, 0], knots[k, m, 1] - knots[i, j, 1]
-                turn = 0.5 * (nodes[i, j, 2] + nodes[k, m, 2])
-                c, s = np.cos(turn), np.sin(turn)
-                dx = nodes[k, m, 0] - nodes[i, j, 0] - (c * lx - s * ly)
-                dy = nodes[k, m, 1] - nodes[i, j, 1] - (s * lx + c * ly)
-                dt = nodes[k, m, 2] - nodes[i, j, 2]
-                total += 0.5 * (stiff * (dx * dx + dy * dy) + stiff_turn * dt * dt)
+                if (i + 1 if down else j + 1) < (rows if down else columns):
+                    (dx, dy, dt), _ = _extension(nodes, spacing, i, j, down)
+                    total += 0.5 * (stiff * (dx * dx + dy * dy) + stiff_turn * dt * dt)
     return total
 
 

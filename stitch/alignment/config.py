@@ -236,6 +236,12 @@ class TolerantConfig(Checked):
     is not asked then."""
     scale_step: Positive = 0.05
     """Step between the scales that are tried, as a share."""
+    scale_rounds: Count = 3
+    """Times that the best scale is refined."""
+    max_scale: Positive = 0.2
+    """By how much a free scale may differ from 1."""
+    unknown_weight: Positive = 0.3
+    """Weight of a metre of wall that faces nowhere: furniture, corners, clutter."""
     width: Positive = 0.7
     """How far walls that are the same may lie apart in the search [m], as a standard deviation."""
     conflict: Amount = 1.0
@@ -273,6 +279,20 @@ class TolerantConfig(Checked):
     agree of those that agree or contradict."""
     max_ambiguity: Limit = 0.6
     """Score of the best rival, as a share of the best's."""
+    min_jacobian: Limit = 0.2
+    """Least determinant of the Jacobian of a bend that is believed: there a fifth of the area is left."""
+    belief_scale: Positive = 5.0
+    """Metres of margin beyond the least that make one of log-odds."""
+    alternatives: Count = 4
+    """Rivals that are told at most."""
+    piece: Positive = 4.0
+    """Side [m] of the pieces of overlap whose deviations from the rigid part tell its covariance."""
+    related_pieces: Positive = 4.0
+    """So many neighbouring pieces deviate alike: bending is smooth."""
+    piece_sigma: Positive = 0.05
+    """Standard deviation [m] of a piece at least."""
+    max_sigma: tuple[Positive, Positive] = (1.0, np.radians(10.0))
+    """Standard deviation (m, rad) of the rigid part at most."""
 
 
 @dataclass(frozen=True)

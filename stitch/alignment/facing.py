@@ -18,8 +18,6 @@ REACH = 3.0
 UNKNOWN = 4
 """Class of the points whose facing is unknown; 0 to 3 are quarters of the circle about the map's main
 direction."""
-UNKNOWN_WEIGHT = 0.3
-"""Weight of a metre of wall that faces nowhere: furniture, corners, clutter."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +47,15 @@ class FacingWalls:
         return 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
 
 
-def facing_walls(submap: Submap) -> FacingWalls:
-    """The walls of a submap, one point for each cell and class of facing."""
+def facing_walls(submap: Submap, unknown_weight: float) -> FacingWalls:
+    """The walls of a submap, one point for each cell and class of facing; a metre of wall that faces nowhere
+    weighs ``unknown_weight``."""
     scan = submap.points
     known = np.isfinite(scan.normals[:, 0])
     angles = np.where(known, np.arctan2(scan.normals[:, 1], scan.normals[:, 0]), 0.0)
     main = float(np.angle(np.sum(np.exp(4j * angles[known])) + 1e-12)) / 4.0
     points, angles, known = _thinned(scan.points, angles, known, main)
-    weights = CELL * np.where(known, 1.0, UNKNOWN_WEIGHT)
+    weights = CELL * np.where(known, 1.0, unknown_weight)
     corner = np.floor((points.min(axis=0) - REACH) / CELL) * CELL
     columns, rows = np.ceil((points.max(axis=0) + REACH - corner) / CELL).astype(int)
     nearest, distance = _nearest(points, classes_of(angles, known, main), corner, (int(rows), int(columns)))

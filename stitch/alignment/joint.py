@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,7 @@ from slam.mapping.submap import Submap
 from slam.matching import NoMatch, Reference, match
 from slam.se2 import Array
 from stitch.alignment import acceptance, hough, translation
+from stitch.alignment.candidates import distinct
 from stitch.alignment.config import AlignConfig, SearchConfig
 from stitch.alignment.likelihood import PRIOR_BONUS, FreeSpaceMap, count_overlap, overlap_log_odds
 from stitch.alignment.raster import Walls, rasterise, walls_of
@@ -198,21 +198,7 @@ def _distinct(
 ) -> list[Alternative]:
     """The first ``most`` candidates, without those near a better one, measured at b's ``centre (2,)``."""
     poses = np.array([candidate.T_a_b for candidate in candidates]).reshape(-1, 3)
-    centres = se2.transform(poses, centre[None])[:, 0].tolist()
-    yaws = poses[:, 2].tolist()
-    shift, turn = settings.separation
-
-    def apart(i: int, k: int) -> bool:  # of plain numbers, which numpy is slow with
-        turned = abs((yaws[k] - yaws[i] + math.pi) % (2.0 * math.pi) - math.pi)
-        return math.dist(centres[k], centres[i]) > shift or turned > turn
-
-    kept: list[int] = []
-    for i in range(len(candidates)):
-        if len(kept) == most:
-            break
-        if all(apart(i, k) for k in kept):
-            kept.append(i)
-    return [candidates[i] for i in kept]
+    return [candidates[i] for i in distinct(poses, centre, settings.separation, most)]
 
 
 def _located(a: Submap, b: Submap, field: ScoreField, best: Alternative) -> tuple[Array, Array] | NoStitch:

@@ -51,7 +51,7 @@ def judge(a: FacingWalls, b: FacingWalls, bent: Bend, scale: float, config: Tole
         a.distance, a.free,
     )  # fmt: skip
     weights = np.maximum(agree_b, 1e-6 * b.weights)
-    T_a_b = fit_weighted(b.points, placed[:, :2], weights)
+    T_a_b = se2.fit_rigid(b.points, placed[:, :2], weights)
     back = bent.undo(a.points, T_a_b)
     turned = apply_lattice(bent.nodes, bent.first, bent.spacing, back)[:, 2]
     agree_a, against_a = meet(
@@ -64,15 +64,6 @@ def judge(a: FacingWalls, b: FacingWalls, bent: Bend, scale: float, config: Tole
     return Judged(b, scale, bent, T_a_b, agreement, conflict, energy, score, agree_b)
 
 
-def fit_weighted(b: Array, a: Array, weights: Array) -> Array:
-    """The pose ``(3,)`` that moves points ``b (n, 2)`` onto ``a (n, 2)`` best, weighed ``(n,)``."""
-    w = weights / weights.sum()
-    middle_a, middle_b = w @ a, w @ b
-    p, q = b - middle_b, a - middle_a
-    yaw = np.arctan2(w @ (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]), w @ np.sum(p * q, axis=1))
-    return np.array([*(middle_a - se2.rotation(yaw) @ middle_b), yaw])
-
-
 @njit(cache=True)
 def meet(
     placed, facing, known, walls, width, points, angles, known_a, nearest, corner, distance, free
@@ -82,9 +73,7 @@ def meet(
     agree, against = np.zeros(len(placed)), np.zeros(len(placed))
     for p in range(len(placed)):
         x, y = placed[p]
-        agree[p] = pair_with(
-            x, y, facing[p], known[p], walls[p], width, points, angles, known_a, nearest, corner
-        )[1]
+        agree[p] = pair_with(x, y, facing[p], known[p], walls[p], width, points, angles, nearest, corner)[1]
         j, i = int(np.floor((x - corner[0]) / CELL)), int(np.floor((y - corner[1]) / CELL))
         if 0 <= i < free.shape[0] and 0 <= j < free.shape[1] and free[i, j]:
             against[p] = walls[p] * min(max((distance[i, j] - width) / width, 0.0), 1.0)

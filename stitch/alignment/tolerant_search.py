@@ -11,6 +11,7 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 
 from slam import se2
 from slam.se2 import Array
+from stitch.alignment.candidates import distinct
 from stitch.alignment.config import TolerantConfig
 from stitch.alignment.facing import CELL, UNKNOWN, FacingWalls
 from stitch.alignment.result import Alternative
@@ -30,10 +31,9 @@ HALF_TURN = np.array([1.0, -1.0, -1.0, 1.0, 1.0], dtype=np.float32)
 @dataclass(frozen=True)
 class Searched:
     """A map on the search's lattice, which repeats itself: ``transforms (5, N, N // 2 + 1)`` of its field of
-    agreement less conflict, and its walls about its ``middle (2,)``."""
+    agreement less conflict about the middle of its walls."""
 
     walls: FacingWalls
-    middle: Array
     transforms: np.ndarray
 
     @classmethod
@@ -42,7 +42,7 @@ class Searched:
         field, corner = agreement_field(walls, config)
         out = np.zeros((len(CHANNELS), side, side), dtype=np.float32)
         resample(field, (corner - walls.middle) / STEP, out)
-        return cls(walls, walls.middle, rfft2(out, workers=1))
+        return cls(walls, rfft2(out, workers=1))
 
 
 def agreement_field(walls: FacingWalls, config: TolerantConfig) -> tuple[np.ndarray, Array]:
@@ -60,6 +60,16 @@ def agreement_field(walls: FacingWalls, config: TolerantConfig) -> tuple[np.ndar
 
 
 @njit(cache=True)
+def _add_facing(field, row, column, amount, angle):
+    """Add an amount of wall that faces ``angle`` rad to all channels but the first of a cell."""
+    c, s = np.cos(angle), np.sin(angle)
+    field[1, row, column] += amount * c
+    field[2, row, column] += amount * s
+    field[3, row, column] += amount * (c * c - s * s)
+    field[4, row, column] += amount * 2.0 * c * s
+
+
+@njit(cache=True)
 def _fill(points, angles, nearest, corner, width, field):
     """Add to ``field (5, H, W)`` what each class of facing gives."""
     for k in range(nearest.shape[0]):
@@ -74,11 +84,7 @@ def _fill(points, angles, nearest, corner, width, field):
                 near = np.exp(-0.5 * (dx * dx + dy * dy) / (width * width))
                 field[0, i, j] += near
                 if k < UNKNOWN:
-                    c, s = np.cos(angles[p]), np.sin(angles[p])
-                    field[1, i, j] += near * c
-                    field[2, i, j] += near * s
-                    field[3, i, j] += near * (c * c - s * s)
-                    field[4, i, j] += near * 2.0 * c * s
+                    _add_facing(field, i, j, near, angles[p])
 
 
 @njit(cache=True)
@@ -107,17 +113,13 @@ def splat(points, angles, known, weights, turn, out):
         y = (st * points[p, 0] + ct * points[p, 1]) / STEP
         j, i = int(np.floor(x)), int(np.floor(y))
         fx, fy = x - j, y - i
-        c, s = np.cos(angles[p] + turn), np.sin(angles[p] + turn)
         for di in range(2):
             for dj in range(2):
                 share = weights[p] * (fy if di else 1.0 - fy) * (fx if dj else 1.0 - fx)
                 row, column = (i + di) % side, (j + dj) % side
                 out[0, row, column] += share
                 if known[p]:
-                    out[1, row, column] += share * c
-                    out[2, row, column] += share * s
-                    out[3, row, column] += share * (c * c - s * s)
-                    out[4, row, column] += share * 2.0 * c * s
+                    _add_facing(out, row, column, share, angles[p] + turn)
 
 
 @njit(cache=True)
@@ -211,37 +213,18 @@ def search(a: FacingWalls, b: FacingWalls, config: TolerantConfig) -> list[Alter
                 if not np.isfinite(value):
                     break
                 shift = (np.array([column, row]) + 0.5 * side) % side - 0.5 * side
-                t = in_a.middle + STEP * shift - se2.rotation(yaw) @ in_b.middle
+                t = a.middle + STEP * shift - se2.rotation(yaw) @ b.middle
                 found.append(Alternative(np.array([*t, se2.wrap(yaw)]), float(value)))
     found.sort(key=lambda one: -one.score)
-    return distinct(found, in_b.middle, config.separation, config.candidates)
+    poses = np.array([one.T_a_b for one in found]).reshape(-1, 3)
+    return [found[i] for i in distinct(poses, b.middle, config.separation, config.candidates)]
 
 
 def _correlate(of: Searched, other: Searched, turn: float, memory: np.ndarray) -> np.ndarray:
     """Scores ``(2, N, N)`` of all shifts of the other's walls, turned by ``turn`` and by half a turn more, in
     the field of a map."""
     walls = other.walls
-    splat(walls.points - other.middle, walls.angles, walls.known, walls.weights, turn, memory)
+    splat(walls.points - walls.middle, walls.angles, walls.known, walls.weights, turn, memory)
     both = products(of.transforms, rfft2(memory, workers=1), HALF_TURN)
     scores: np.ndarray = irfft2(both, s=memory.shape[1:], workers=1)
     return scores
-
-
-def distinct(
-    candidates: list[Alternative], middle: Array, apart: tuple[float, float], most: int
-) -> list[Alternative]:
-    """The first ``most`` candidates, without those nearer to a better one than ``apart`` (m at ``middle
-    (2,)`` of b, rad)."""
-    kept: list[Alternative] = []
-    places = np.empty((most, 3))
-    for candidate in candidates:
-        if len(kept) == most:
-            break
-        T = candidate.T_a_b
-        place = np.array([*se2.transform(T, middle[None])[0], T[2]])
-        others = places[: len(kept)]
-        far = np.hypot(*(others[:, :2] - place[:2]).T) > apart[0]
-        if np.all(far | (np.abs(se2.wrap(others[:, 2] - place[2])) > apart[1])):
-            places[len(kept)] = place
-            kept.append(candidate)
-    return kept

@@ -260,6 +260,15 @@ def test_no_pose_near_a_rigid_fit_misses_by_less() -> None:
     assert all(squared(best) < squared(best + 1e-3 * step) for step in rng.normal(size=(200, 3)))
 
 
+def test_a_rigid_fit_follows_its_weights() -> None:
+    rng = np.random.default_rng(2)
+    T, source = np.array([1.0, 2.0, 0.7]), rng.uniform(-5.0, 5.0, (20, 2))
+    target = se2.transform(T, source)
+    target[10:] += 5.0
+    weights = np.where(np.arange(20) < 10, 1.0, 1e-12)
+    assert_poses_equal(se2.fit_rigid(source, target, weights), T)
+
+
 @pytest.mark.parametrize("shape", [(0, 2), (4, 3), (4,)])
 def test_a_rigid_fit_refuses_what_are_no_points(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="rigid fit"):

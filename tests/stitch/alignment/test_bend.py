@@ -67,7 +67,7 @@ def test_springs_pull_along_the_gradient_of_their_energy() -> None:
         step = np.zeros(size)
         step[k] = 1e-6
         up, down = (
-            spring_energy(bent.nodes + sign * step.reshape(bent.nodes.shape), bent.knots, 25.0, 500.0)
+            spring_energy(bent.nodes + sign * step.reshape(bent.nodes.shape), bent.spacing, 25.0, 500.0)
             for sign in (1.0, -1.0)
         )
         numeric[k] = (up - down) / 2e-6
@@ -75,7 +75,7 @@ def test_springs_pull_along_the_gradient_of_their_energy() -> None:
 
 
 def test_walls_do_not_pull_where_they_lie_on_each_other() -> None:
-    walls = facing_walls(bent_rooms.pair()[0])
+    walls = facing_walls(bent_rooms.pair()[0], CONFIG.unknown_weight)
     lattice = Bend.rigid(walls, np.zeros(3), 4.0)
     _, g = normal_equations(
         lattice.nodes, lattice.first, lattice.spacing, 0.35, walls.points, walls.angles, walls.known,
@@ -91,7 +91,7 @@ def test_walls_do_not_pull_where_they_lie_on_each_other() -> None:
 
 
 def test_a_known_field_is_found() -> None:
-    a, b = (facing_walls(submap) for submap in bent_rooms.pair())
+    a, b = (facing_walls(submap, CONFIG.unknown_weight) for submap in bent_rooms.pair())
     start = se2.compose(bent_rooms.T_A_B, [0.4, -0.3, 0.02])
     rigid = settle(a, b, start, CONFIG)
     bent = bend(a, b, rigid, CONFIG)

@@ -6,7 +6,7 @@ import numpy as np
 
 from slam.mapping.occupancy import Grid
 from slam.mapping.submap import Submap
-from stitch.alignment.facing import CELL, REACH, UNKNOWN_WEIGHT, classes_of, facing_walls
+from stitch.alignment.facing import CELL, REACH, classes_of, facing_walls
 from stitch.alignment.walls import surfaces
 
 
@@ -20,17 +20,17 @@ def corridor() -> Submap:
 
 
 def test_walls_face_into_the_corridor_and_weigh_their_length() -> None:
-    walls = facing_walls(corridor())
+    walls = facing_walls(corridor(), 0.3)
     low = walls.points[:, 1] < 1.0
     middle = walls.known & (np.abs(walls.points[:, 0] - 5.0) < 4.0)
     np.testing.assert_allclose(walls.angles[low & middle], 0.5 * np.pi, atol=0.05)
     np.testing.assert_allclose(walls.angles[~low & middle], -0.5 * np.pi, atol=0.05)
     assert abs(walls.weights[walls.known].sum() - 20.0) < 2.0
-    assert set(np.round(walls.weights, 9)) <= {CELL, round(UNKNOWN_WEIGHT * CELL, 9)}
+    assert set(np.round(walls.weights, 9)) <= {CELL, round(0.3 * CELL, 9)}
 
 
 def test_the_nearest_of_every_class_is_that_of_a_search_of_all() -> None:
-    walls = facing_walls(corridor())
+    walls = facing_walls(corridor(), 0.3)
     classes = classes_of(walls.angles, walls.known, walls.main)
     rng = np.random.default_rng(0)
     height, width = walls.distance.shape
@@ -48,7 +48,7 @@ def test_the_nearest_of_every_class_is_that_of_a_search_of_all() -> None:
 
 
 def test_free_space_is_that_of_the_grid() -> None:
-    walls = facing_walls(corridor())
+    walls = facing_walls(corridor(), 0.3)
     j, i = np.floor((np.array([5.0, 1.2]) - walls.corner) / CELL).astype(int)
     assert walls.free[i, j]
     assert not walls.free[0, 0]

@@ -13,8 +13,8 @@ from stitch.align import AlignConfig, NoStitch, Prior, Stitch, align
 from stitch.alignment.bend import Bend
 from stitch.alignment.config import Acceptance, TolerantConfig
 from stitch.alignment.facing import facing_walls
-from stitch.alignment.judgement import fit_weighted, judge
-from stitch.alignment.tolerant import bend_stitch, scaled
+from stitch.alignment.judgement import judge
+from stitch.alignment.tolerant import bend_stitch, covariance, scaled
 from tests.stitch.alignment import bent_rooms
 
 BENT = AlignConfig(tolerant=TolerantConfig(enabled=True))
@@ -99,8 +99,8 @@ def test_a_rigid_stitch_is_bent_on_demand() -> None:
 
 
 def test_a_map_agrees_with_itself_and_contradicts_itself_when_moved() -> None:
-    walls = facing_walls(bent_rooms.pair()[0])
     config = TolerantConfig()
+    walls = facing_walls(bent_rooms.pair()[0], config.unknown_weight)
     same = judge(walls, walls, Bend.rigid(walls, np.zeros(3), 4.0), 1.0, config)
     moved = judge(walls, walls, Bend.rigid(walls, np.array([1.0, 1.0, 0.0]), 4.0), 1.0, config)
     assert same.conflict == 0.0
@@ -111,17 +111,25 @@ def test_a_map_agrees_with_itself_and_contradicts_itself_when_moved() -> None:
     np.testing.assert_allclose(same.T_a_b, 0.0, atol=1e-9)
 
 
-def test_the_weighted_fit_follows_the_weights() -> None:
-    rng = np.random.default_rng(0)
-    T = np.array([1.0, 2.0, 0.7])
-    b = rng.uniform(-5.0, 5.0, (20, 2))
-    a = se2.transform(T, b)
-    a[10:] += 5.0
-    weights = np.where(np.arange(20) < 10, 1.0, 1e-12)
-    np.testing.assert_allclose(fit_weighted(b, a, weights), T, atol=1e-6)
+def test_belief_is_the_margin_beyond_the_least_that_is_accepted() -> None:
+    stitch = align(*bent_rooms.pair(), None, BENT)
+    assert isinstance(stitch, Stitch)
+    assert stitch.belief is not None
+    assert stitch.belief >= 0.0
+    margin = BENT.tolerant.min_margin + BENT.tolerant.belief_scale * stitch.belief
+    for least, joined in ((margin - 0.01, True), (margin + 0.01, False)):
+        config = replace(BENT, tolerant=replace(BENT.tolerant, min_margin=least))
+        assert isinstance(align(*bent_rooms.pair(), None, config), Stitch) == joined
 
 
-def test_a_belief_of_zero_is_the_least_that_is_accepted() -> None:
+def test_nothing_that_agrees_gives_no_covariance() -> None:
+    config = TolerantConfig()
+    walls = facing_walls(bent_rooms.pair()[0], config.unknown_weight)
+    far = judge(walls, walls, Bend.rigid(walls, np.array([200.0, 0.0, 0.0]), 4.0), 1.0, config)
+    assert covariance(far, config) is None
+
+
+def test_maps_that_share_little_free_space_are_refused() -> None:
     strict = replace(BENT, acceptance=Acceptance(min_open=1e4))
     result = align(*bent_rooms.pair(), None, strict)
     assert isinstance(result, NoStitch)

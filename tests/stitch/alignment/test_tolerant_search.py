@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from slam import se2
+from stitch.alignment.candidates import distinct
 from stitch.alignment.config import TolerantConfig
 from stitch.alignment.facing import facing_walls
-from stitch.alignment.result import Alternative
-from stitch.alignment.tolerant_search import STEP, agreement_field, distinct, search
+from stitch.alignment.tolerant_search import STEP, agreement_field, search
 from tests.stitch.alignment import bent_rooms
 
 CONFIG = TolerantConfig()
 
 
 def test_the_true_place_comes_first_though_the_map_is_bent() -> None:
-    a, b = (facing_walls(submap) for submap in bent_rooms.pair())
+    a, b = (facing_walls(submap, CONFIG.unknown_weight) for submap in bent_rooms.pair())
     best, *others = search(a, b, CONFIG)
     shared = b.points[bent_rooms.true_places(b.points)[:, 0] < 20.0]
     off = se2.transform(best.T_a_b, shared) - bent_rooms.true_places(shared)
@@ -25,7 +25,7 @@ def test_the_true_place_comes_first_though_the_map_is_bent() -> None:
 
 
 def test_the_score_is_the_sum_over_the_walls_of_both() -> None:
-    a, b = (facing_walls(submap) for submap in bent_rooms.pair())
+    a, b = (facing_walls(submap, CONFIG.unknown_weight) for submap in bent_rooms.pair())
     best = search(a, b, CONFIG)[0]
     slow = _met(b, a, best.T_a_b) + _met(a, b, se2.inverse(best.T_a_b))
     assert abs(slow - best.score) < 0.06 * abs(slow)
@@ -44,8 +44,8 @@ def _met(walls, of, T) -> float:  # type: ignore[no-untyped-def]
 
 
 def test_candidates_near_a_better_one_are_left_out() -> None:
-    poses = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, 0.0, 1.0), (3.0, 0.0, 0.0)]
-    candidates = [Alternative(np.array(T), -float(k)) for k, T in enumerate(poses)]
-    kept = distinct(candidates, np.zeros(2), (1.0, 0.2), 10)
-    assert [one.score for one in kept] == [0.0, -2.0, -3.0]
-    assert len(distinct(candidates, np.zeros(2), (1.0, 0.2), 2)) == 2
+    poses = np.array([(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, 0.0, 1.0), (3.0, 0.0, 0.0)])
+    assert distinct(poses, np.zeros(2), (1.0, 0.2)) == [0, 2, 3]
+    assert distinct(poses, np.zeros(2), (1.0, 0.2), 2) == [0, 2]
+    turned_about_another_place = distinct(poses, np.array([0.0, 9.0]), (1.0, 2.0))
+    assert turned_about_another_place == [0, 2, 3]
