@@ -28,12 +28,14 @@ def draw(names: Sequence[str], a: Submap, b: Submap, result: Stitch | NoStitch) 
     from matplotlib.image import imread
 
     shown = hypotheses(result)[:MOST]
+    images = [imread(io.BytesIO(picture(names, a, b, one)), format="png") for one in shown]
     reason = result.reason if isinstance(result, NoStitch) else "accepted"
-    figure = Figure(figsize=(SIDE * max(len(shown), 1), SIDE + 1.0), layout="constrained")
+    tallest = max((image.shape[0] / image.shape[1] for image in images), default=0.0)
+    figure = Figure(figsize=(SIDE * max(len(shown), 1), SIDE * tallest + 1.0), layout="constrained")
     figure.suptitle("\n".join(textwrap.wrap(reason, WORDS * max(len(shown), 1))), fontsize=10)
-    for k, one in enumerate(shown):
+    for k, (one, image) in enumerate(zip(shown, images, strict=True)):
         ax = figure.add_subplot(1, len(shown), k + 1)
-        ax.imshow(imread(io.BytesIO(picture(names, a, b, one)), format="png"))
+        ax.imshow(image)
         belief = "" if one.belief is None else f", belief {as_probability(one.belief):.0%}"
         ax.set_title(f"{k + 1}: score {one.score:.1f}{belief}", fontsize=9)
         ax.set_axis_off()

@@ -202,7 +202,8 @@ def as_json(result: Stitch | NoStitch) -> dict[str, Any]:
     """An alignment of two maps in m, m² and rad; ``null`` is what there is none of.
 
     ``std`` are the standard deviations of the three numbers of ``T_a_b``; ``belief`` is the probability that
-    they are right at all, as of simulated pairs like these; ``alternatives`` are the other candidates, best
+    they are right at all, as of simulated pairs like these; of a bent answer it orders answers, and is not
+    calibrated. ``alternatives`` are the other candidates, best
     first; of a refusal all of them are, the best one too. Map b is enlarged by ``scale`` first. ``bend`` is
     how it is bent then: knots in its frame, and where the bend takes them beyond ``T_a_b`` (x and y m, yaw
     rad, in the frame of a); between them it is bilinear in the poses.
@@ -280,7 +281,10 @@ def as_text(stitch: Stitch, a: str, b: str) -> str:
     lines.append(f"  overlap   {stitch.overlap_area:10.1f} m²")
     lines.append(f"  agreement {stitch.agreement:10.2f} of the walls in the overlap are in both maps")
     if stitch.belief is not None:
-        lines.append(f"  belief    {100.0 * as_probability(stitch.belief):10.1f} % that it is right at all")
+        meaning = (
+            "that it is right at all" if stitch.bend is None else "as bent: orders answers, not calibrated"
+        )
+        lines.append(f"  belief    {100.0 * as_probability(stitch.belief):10.1f} % {meaning}")
     if stitch.scale != 1.0:
         lines.append(f"  scale     {stitch.scale:10.3f}")
     if stitch.bend is not None:

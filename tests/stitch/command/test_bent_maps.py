@@ -14,8 +14,9 @@ from slam import se2
 from slam.formats import ros_map
 from slam.mapping.submap import Submap
 from stitch.align import AlignConfig, Stitch, align
+from stitch.alignment.bend import Bend
 from stitch.alignment.config import TolerantConfig
-from stitch.command import merge
+from stitch.command import maps, merge
 from tests.stitch.alignment import bent_rooms
 from tests.stitch.command.test_command import run_command
 
@@ -90,6 +91,13 @@ def test_a_bent_grid_lies_where_its_places_truly_are() -> None:
     assert far[1] < 0.6 * far[0]
 
 
+def test_the_belief_in_a_bent_answer_is_not_told_as_a_probability() -> None:
+    rigid = Stitch(np.zeros(3), None, 9.0, 20.0, 1.0, belief=1.0)
+    bent = replace(rigid, bend=Bend(np.zeros(2), 4.0, np.zeros((2, 2, 3))).moved_to(np.zeros(3)))
+    assert "% that it is right at all" in maps.as_text(rigid, "a", "b")
+    assert "not calibrated" in maps.as_text(bent, "a", "b")
+
+
 def test_never_draws_it_rigid(folder: Path) -> None:
     finished = run_command(folder / "a.yaml", folder / "b.yaml", "--format", "json", "--bend", "never")
     assert finished.code == 0
@@ -123,7 +131,6 @@ def test_options_that_make_no_sense_together(folder: Path, words: tuple[str, ...
 
 def test_a_bend_that_would_fold_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     from stitch.alignment import tolerant
-    from stitch.alignment.bend import Bend
 
     monkeypatch.setattr(Bend, "least_jacobian", lambda self, points: -0.5)
     a: Submap = bent_rooms.pair()[0]
