@@ -17,15 +17,31 @@ def _distance(points, i, j):
 
 
 @njit(cache=True)
-def _window(points, centre, radius, side, most):
+def independence(ranges):
+    """How far the beams of a scan are lost one by one: the share lost after one that returned, over the
+    share lost of all. 1 where each is lost by chance, small where neighbours see nothing together; 0 where
+    none is lost."""
+    before = after = 0
+    for i in range(len(ranges) - 1):
+        if np.isfinite(ranges[i]):
+            before += 1
+            after += not np.isfinite(ranges[i + 1])
+    lost = np.sum(~np.isfinite(ranges))
+    return after * len(ranges) / (before * lost) if after > 0 else 0.0
+
+
+@njit(cache=True)
+def _window(points, centre, radius, side, most, bridging):
     """Last index of the run of neighbours within ``radius`` of ``centre`` on a side (+1 or -1), among the
-    next ``most`` beams. Beams without return are passed over: what lies beside them is still one surface."""
+    next ``most`` beams. A beam without return ends it, or is passed over where ``bridging``."""
     last = following = centre
     while True:
         following += side
         if following < 0 or following >= len(points) or abs(following - centre) > most:
             return last
         if not np.isfinite(points[following, 0]):
+            if not bridging:
+                return last
             continue
         if _distance(points, following, last) > radius or _distance(points, following, centre) > radius:
             return last
@@ -59,13 +75,14 @@ def _principal_axis(points, first, last):
 
 
 @njit(cache=True)
-def tangents_of_beams(points, spacing, radius, sigma, most):
+def tangents_of_beams(points, spacing, radius, sigma, most, bridging):
     """Tangent direction and its standard deviation for each beam's point, both ``(B,)`` rad, NaN if
     untrusted.
 
     ``points (B, 2)`` m in beam order with NaN rows, ``spacing (B,)`` m to the next beam on a surface seen
     at right angles, ``radius`` m of the neighbourhood of at most ``most`` beams to either side, ``sigma`` m
-    range noise. Where it is no line (rms across above three sigma) half the radius is tried, then given up.
+    range noise; ``bridging`` passes over beams without return. Where it is no line (rms across above three
+    sigma) half the radius is tried, then given up.
     """
     direction = np.full(len(points), np.nan)
     deviation = np.full(len(points), np.nan)
@@ -74,7 +91,8 @@ def tangents_of_beams(points, spacing, radius, sigma, most):
             continue
         reach = max(radius, 2.5 * spacing[i])
         for _ in range(2):
-            first, last = _window(points, i, reach, -1, most), _window(points, i, reach, 1, most)
+            first = _window(points, i, reach, -1, most, bridging)
+            last = _window(points, i, reach, 1, most, bridging)
             angle, along, rms, count = _principal_axis(points, first, last)
             if count < 3:
                 break
@@ -87,7 +105,7 @@ def tangents_of_beams(points, spacing, radius, sigma, most):
 
 
 @njit(cache=True)
-def offsets_from_lines(points, direction, sigma, same_line, same_direction, most):
+def offsets_from_lines(points, direction, sigma, same_line, same_direction, most, bridging):
     """How far ``(B,)`` m each point lies off the line of its neighbours, along the line's left normal; 0
     without a tangent.
 
@@ -100,7 +118,8 @@ def offsets_from_lines(points, direction, sigma, same_line, same_direction, most
             continue
         nx, ny = -np.sin(direction[i]), np.cos(direction[i])
         total, count = 0.0, 0
-        first, last = _window(points, i, same_line, -1, most), _window(points, i, same_line, 1, most)
+        first = _window(points, i, same_line, -1, most, bridging)
+        last = _window(points, i, same_line, 1, most, bridging)
         for j in range(first, last + 1):
             off = nx * (points[j, 0] - points[i, 0]) + ny * (points[j, 1] - points[i, 1])
             if abs(np.cos(direction[j] - direction[i])) > same_direction and abs(off) < 3.0 * sigma:
@@ -158,9 +177,10 @@ def read_surfaces(ranges, angles, spacing_angle, sigma_range, sigma_angle, neigh
     """Tangent directions and their deviations ``(N, B)`` rad, distances from the neighbours' line ``(N, B)``
     m and point covariances ``(N, B, 2, 2)`` m² of N scans ``ranges (N, B)`` m.
 
-    ``neighbourhood`` is its radius and beams, ``same`` the distance and cosine of a common line.
+    ``neighbourhood`` is its radius, its beams and the `independence` of lost beams from which they are passed
+    over, ``same`` the distance and cosine of a common line.
     """
-    radius, most = neighbourhood
+    radius, most, least_independence = neighbourhood
     shape = ranges.shape
     direction, deviation, offset = np.empty(shape), np.empty(shape), np.empty(shape)
     covariance = np.empty((shape[0], shape[1], 2, 2))
@@ -170,8 +190,9 @@ def read_surfaces(ranges, angles, spacing_angle, sigma_range, sigma_angle, neigh
             points[i, 0] = ranges[k, i] * np.cos(angles[i])
             points[i, 1] = ranges[k, i] * np.sin(angles[i])
         spacing = ranges[k] * spacing_angle
-        direction[k], deviation[k] = tangents_of_beams(points, spacing, radius, sigma_range, most)
-        offset[k] = offsets_from_lines(points, direction[k], sigma_range, same[0], same[1], most)
+        bridging = independence(ranges[k]) >= least_independence
+        direction[k], deviation[k] = tangents_of_beams(points, spacing, radius, sigma_range, most, bridging)
+        offset[k] = offsets_from_lines(points, direction[k], sigma_range, same[0], same[1], most, bridging)
         covariance[k] = point_covariances(
             ranges[k], angles, direction[k], spacing_angle, sigma_range, sigma_angle, incidence
         )

@@ -142,6 +142,7 @@ def test_scans_of_a_recording(room: Array, record: Callable[..., Recording]) -> 
 CHANGED = {
     "neighbourhood": (0.1, "tangent_sigma"),
     "most_neighbours": (2, "tangent_sigma"),
+    "least_independence": (np.inf, "tangent_sigma"),
     "same_line": (0.3, "points"),
     "same_direction": (0.99999, "points"),
     "least_sigma": (0.05, "covariance"),
@@ -157,6 +158,7 @@ def test_every_setting_changes_what_is_read_off(
 ) -> None:
     value, read_off = CHANGED[name]
     recording = record(room, [[2.0, 2.0, 0.3]])
+    recording.ranges[0, 1::3] = np.nan
     plain, changed = (
         scans_of(recording, config)[0] for config in (ScanConfig(), replace(ScanConfig(), **{name: value}))
     )

@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from slam import se2
+from slam.recording import Laser
+from slam.scan import Scan, ScanConfig
 from slam.se2 import Array
-from slam.surface import correspondence_variance, point_covariances, tangents_of_beams
+from slam.surface import correspondence_variance, independence, point_covariances, tangents_of_beams
 
 quick = settings(deadline=None, max_examples=60, derandomize=True)
 
@@ -18,8 +20,10 @@ SIGMA = 0.01
 REACH, INCIDENCE = 12, np.pi / 8.0
 
 
-def tangents(points: Array, spacing: float = 0.02, radius: float = 0.3) -> tuple[Array, Array]:
-    return tangents_of_beams(points, np.full(len(points), spacing), radius, SIGMA, REACH)
+def tangents(
+    points: Array, spacing: float = 0.02, radius: float = 0.3, bridging: bool = False
+) -> tuple[Array, Array]:
+    return tangents_of_beams(points, np.full(len(points), spacing), radius, SIGMA, REACH, bridging)
 
 
 def modulo_half_turn(angle: Array) -> Array:
@@ -71,8 +75,38 @@ def test_a_step_in_depth_is_not_bridged() -> None:
 def test_a_wall_keeps_its_tangents_where_beams_are_lost() -> None:
     points = np.stack([np.full(40, 2.0), 0.02 * np.arange(40)], -1)
     points[1::2] = np.nan
-    found, _ = tangents(points)
+    assert np.all(np.isnan(tangents(points)[0]))
+    found, _ = tangents(points, bridging=True)
     np.testing.assert_allclose(np.abs(modulo_half_turn(found[::2] - np.pi / 2)), 0.0, atol=1e-6)
+
+
+def test_beams_lost_by_chance_are_told_from_those_that_see_nothing_together() -> None:
+    rng = np.random.default_rng(4)
+    by_chance, together = np.ones(2000), np.ones(2000)
+    by_chance[rng.random(2000) < 0.4] = np.nan
+    together[300:1100] = np.nan
+    assert independence(by_chance) == pytest.approx(1.0, abs=0.1)
+    assert independence(together) < 0.01
+    assert independence(np.ones(9)) == 0.0
+    assert independence(np.full(9, np.nan)) == 0.0
+
+
+def test_a_scan_bridges_what_was_lost_by_chance_and_nothing_else() -> None:
+    angles = np.radians(np.arange(-60.0, 61.0))
+    by_chance, together = 2.0 / np.cos(angles), 2.0 / np.cos(angles)
+    by_chance[1::2] = np.nan
+    together[50:70], together[72:100] = np.nan, np.nan
+    never = ScanConfig(least_independence=np.inf)
+    seen, unbridged = (
+        [
+            np.isfinite(Scan.from_ranges(ranges, angles, Laser(), config).normals[:, 0])
+            for ranges in (by_chance, together)
+        ]
+        for config in (ScanConfig(), never)
+    )
+    assert seen[0].mean() > 0.95
+    assert not unbridged[0].any()
+    np.testing.assert_array_equal(seen[1], unbridged[1])
 
 
 def test_lonely_points_have_no_tangent() -> None:
@@ -88,8 +122,9 @@ def test_far_walls_are_read_over_a_longer_stretch() -> None:
     assert np.all(np.isfinite(tangents(points, spacing=0.4)[0]))
 
 
-def slow_tangent(points: Array, i: int, reach: float) -> tuple[float, float]:
-    """The principal axis of the run about i over the beams that returned, at the reach or half of it."""
+def slow_tangent(points: Array, i: int, reach: float, bridging: bool) -> tuple[float, float]:
+    """The principal axis of the run about i over the beams that returned, at the reach or half of it; an
+    unbroken run unless ``bridging``."""
     there = np.flatnonzero(np.isfinite(points[:, 0]))
     for radius in (reach, reach / 2):
         run = [i]
@@ -97,7 +132,7 @@ def slow_tangent(points: Array, i: int, reach: float) -> tuple[float, float]:
             last = i
             for k in others[np.abs(others - i) <= REACH]:
                 apart = [np.linalg.norm(points[k] - points[j]) for j in (last, i)]
-                if max(apart) > radius:
+                if max(apart) > radius or (abs(k - last) > 1 and not bridging):
                     break
                 last = k
                 run.append(k)
@@ -111,15 +146,16 @@ def slow_tangent(points: Array, i: int, reach: float) -> tuple[float, float]:
     return np.nan, np.nan
 
 
-def test_twin_of_tangents() -> None:
+@pytest.mark.parametrize("bridging", [False, True])
+def test_twin_of_tangents(bridging: bool) -> None:
     rng = np.random.default_rng(3)
     for _ in range(10):
         points = np.cumsum(rng.normal([0.04, 0.0], [0.02, 0.015], (60, 2)), axis=0)
         points[rng.random(60) < 0.08] = np.nan
         points[30:] += rng.choice([0.0, 1.0])
-        found, deviation = tangents(points)
+        found, deviation = tangents(points, bridging=bridging)
         for i in np.flatnonzero(np.isfinite(points[:, 0])):
-            angle, sigma = slow_tangent(points, int(i), 0.3)
+            angle, sigma = slow_tangent(points, int(i), 0.3, bridging)
             np.testing.assert_allclose(np.exp(2j * found[i]), np.exp(2j * angle), atol=1e-7)
             np.testing.assert_allclose(deviation[i], sigma, rtol=1e-7)
 
