@@ -23,9 +23,11 @@ class ScanConfig:
     """Radius [m] of the points a tangent is fitted to."""
     most_neighbours: int = 12
     """Most beams looked at to either side for that."""
+    least_lost: float = 0.1
+    """Share of a scan's beams without return from which they may be passed over: fewer do no harm …"""
     least_independence: float = 0.8
-    """Beams without return are passed over where they are lost one by one, not side by side: where the share
-    lost after one that returned is at least so much of the share of all."""
+    """… if they are lost one by one, not side by side: the share lost after one that returned is at least so
+    much of the share of all."""
     same_line: float = 0.15
     """Radius [m] of the points whose common line a point is moved onto …"""
     same_direction: float = 0.985
@@ -128,7 +130,8 @@ def _from_rows(ranges: Array, angles: Array, laser: Laser, config: ScanConfig) -
         spacing_angle,
         max(laser.sigma_range, config.least_sigma),
         float(config.sigma_angle),
-        (float(config.neighbourhood), int(config.most_neighbours), float(config.least_independence)),
+        (float(config.neighbourhood), int(config.most_neighbours)),
+        (float(config.least_lost), float(config.least_independence)),
         (float(config.same_line), float(config.same_direction)),
         float(config.no_tangent_incidence),
     )

@@ -17,17 +17,17 @@ def _distance(points, i, j):
 
 
 @njit(cache=True)
-def independence(ranges):
-    """How far the beams of a scan are lost one by one: the share lost after one that returned, over the
-    share lost of all. 1 where each is lost by chance, small where neighbours see nothing together; 0 where
-    none is lost."""
+def losses(ranges):
+    """Share of the beams of a scan that did not return, and how far they are lost one by one: the share lost
+    after one that returned, over the share lost of all. That is 1 where each is lost by chance, small where
+    neighbours see nothing together, 0 where none is lost."""
     before = after = 0
     for i in range(len(ranges) - 1):
         if np.isfinite(ranges[i]):
             before += 1
             after += not np.isfinite(ranges[i + 1])
-    lost = np.sum(~np.isfinite(ranges))
-    return after * len(ranges) / (before * lost) if after > 0 else 0.0
+    lost = np.sum(~np.isfinite(ranges)) / len(ranges)
+    return lost, (after / (before * lost) if after > 0 else 0.0)
 
 
 @njit(cache=True)
@@ -53,13 +53,13 @@ def _principal_axis(points, first, last):
     """Direction [rad] of the points ``first..last``, their scatter along it [m²], the rms across it [m] and
     their number; rows of NaN are none."""
     n = 0
+    for i in range(first, last + 1):
+        n += np.isfinite(points[i, 0])
     mx = my = 0.0
     for i in range(first, last + 1):
         if np.isfinite(points[i, 0]):
-            n += 1
-            mx += points[i, 0]
-            my += points[i, 1]
-    mx, my = mx / n, my / n
+            mx += points[i, 0] / n
+            my += points[i, 1] / n
     sxx = sxy = syy = 0.0
     for i in range(first, last + 1):
         if not np.isfinite(points[i, 0]):
@@ -173,14 +173,16 @@ def point_covariances(ranges, angles, direction, spacing_angle, sigma_range, sig
 
 
 @njit(cache=True)
-def read_surfaces(ranges, angles, spacing_angle, sigma_range, sigma_angle, neighbourhood, same, incidence):
+def read_surfaces(
+    ranges, angles, spacing_angle, sigma_range, sigma_angle, neighbourhood, least_losses, same, incidence
+):
     """Tangent directions and their deviations ``(N, B)`` rad, distances from the neighbours' line ``(N, B)``
     m and point covariances ``(N, B, 2, 2)`` m² of N scans ``ranges (N, B)`` m.
 
-    ``neighbourhood`` is its radius, its beams and the `independence` of lost beams from which they are passed
+    ``neighbourhood`` is its radius and beams, ``least_losses`` the `losses` from which lost beams are passed
     over, ``same`` the distance and cosine of a common line.
     """
-    radius, most, least_independence = neighbourhood
+    radius, most = neighbourhood
     shape = ranges.shape
     direction, deviation, offset = np.empty(shape), np.empty(shape), np.empty(shape)
     covariance = np.empty((shape[0], shape[1], 2, 2))
@@ -190,7 +192,8 @@ def read_surfaces(ranges, angles, spacing_angle, sigma_range, sigma_angle, neigh
             points[i, 0] = ranges[k, i] * np.cos(angles[i])
             points[i, 1] = ranges[k, i] * np.sin(angles[i])
         spacing = ranges[k] * spacing_angle
-        bridging = independence(ranges[k]) >= least_independence
+        lost, independence = losses(ranges[k])
+        bridging = lost >= least_losses[0] and independence >= least_losses[1]
         direction[k], deviation[k] = tangents_of_beams(points, spacing, radius, sigma_range, most, bridging)
         offset[k] = offsets_from_lines(points, direction[k], sigma_range, same[0], same[1], most, bridging)
         covariance[k] = point_covariances(

@@ -142,6 +142,7 @@ def test_scans_of_a_recording(room: Array, record: Callable[..., Recording]) -> 
 CHANGED = {
     "neighbourhood": (0.1, "tangent_sigma"),
     "most_neighbours": (2, "tangent_sigma"),
+    "least_lost": (0.5, "tangent_sigma"),
     "least_independence": (np.inf, "tangent_sigma"),
     "same_line": (0.3, "points"),
     "same_direction": (0.99999, "points"),

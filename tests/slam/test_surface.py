@@ -12,7 +12,7 @@ from slam import se2
 from slam.recording import Laser
 from slam.scan import Scan, ScanConfig
 from slam.se2 import Array
-from slam.surface import correspondence_variance, independence, point_covariances, tangents_of_beams
+from slam.surface import correspondence_variance, losses, point_covariances, tangents_of_beams
 
 quick = settings(deadline=None, max_examples=60, derandomize=True)
 
@@ -85,10 +85,11 @@ def test_beams_lost_by_chance_are_told_from_those_that_see_nothing_together() ->
     by_chance, together = np.ones(2000), np.ones(2000)
     by_chance[rng.random(2000) < 0.4] = np.nan
     together[300:1100] = np.nan
-    assert independence(by_chance) == pytest.approx(1.0, abs=0.1)
-    assert independence(together) < 0.01
-    assert independence(np.ones(9)) == 0.0
-    assert independence(np.full(9, np.nan)) == 0.0
+    assert losses(by_chance) == pytest.approx((0.4, 1.0), abs=0.1)
+    assert losses(together)[0] == 0.4
+    assert losses(together)[1] < 0.01
+    assert losses(np.ones(9)) == (0.0, 0.0)
+    assert losses(np.full(9, np.nan)) == (1.0, 0.0)
 
 
 def test_a_scan_bridges_what_was_lost_by_chance_and_nothing_else() -> None:
