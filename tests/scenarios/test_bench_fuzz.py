@@ -11,11 +11,11 @@ import pytest
 from scenarios.bench import __main__ as command
 from scenarios.bench.fuzzing import worker
 from scenarios.bench.fuzzing.mutations import MUTATIONS
-from scenarios.bench.fuzzing.samples import samples
+from scenarios.bench.fuzzing.samples import recording, samples
 from scenarios.bench.result import BenchmarkOptions
 from scenarios.bench.suite import fuzz
 from slam.cli import main
-from slam.formats import FORMATS
+from slam.formats import FORMATS, load
 
 from .toy_samples import make
 
@@ -37,6 +37,12 @@ def test_a_few_hundred_damaged_files_do_no_harm():
 
 def test_every_format_that_is_written_is_damaged(made):
     assert {name for name, form in FORMATS.items() if form.write} <= made.keys()
+
+
+def test_a_bag_of_ros_1_is_damaged_too(made, tmp_path):
+    worker.write(tmp_path / "bag", made["rosbag, ROS 1"].files)
+    assert (tmp_path / "bag" / "rosbag.bag").read_bytes().startswith(b"#ROSBAG V2.0\n")
+    np.testing.assert_array_equal(load(tmp_path / "bag" / "rosbag.bag").time, recording().time)
 
 
 @pytest.mark.parametrize("name", MUTATIONS)

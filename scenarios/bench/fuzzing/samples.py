@@ -45,6 +45,7 @@ def samples(folder: Path) -> dict[str, Sample]:
     if "rosbag" in made:
         FORMATS["rosbag"].write(folder / "mcap", drive, "mcap")  # type: ignore[misc, call-arg]
         made["rosbag, mcap"] = _sample(folder / "mcap", load)
+        made["rosbag, ROS 1"] = _sample(_as_ros1(folder / "rosbag"), load)
     log = "".join(FLASER.format("1.5 " * 180, k, k, k, k) for k in range(SCANS))
     raw = made["carmen"].files["carmen"].decode().replace("ROBOTLASER1", "RLASER")
     made["carmen, FLASER"] = Sample({"a.log": log.encode()}, "a.log", load)
@@ -79,6 +80,20 @@ def _sample(path: Path, read: Callable[[Path], object]) -> Sample:
     if path.is_file():
         return Sample({path.name: path.read_bytes()}, path.name, read)
     return Sample({part.name: part.read_bytes() for part in sorted(path.iterdir())}, "", read)
+
+
+def _as_ros1(bag: Path) -> Path:
+    """A bag's messages as ROS 1 keeps them, in a file beside it."""
+    from rosbags.convert import convert
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    types = get_typestore(Stores.ROS1_NOETIC)  # knows no tf2_msgs
+    types.register(
+        get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
+    )
+    file = bag.with_suffix(".bag")
+    convert([bag], file, "", 0, None, "", None, types, (), (), (), ())
+    return file
 
 
 def _others(folder: Path) -> dict[str, Sample]:
