@@ -97,7 +97,7 @@ def dead_reckoning_graph(
         T_ij=se2.between(at_rows[:-1], at_rows[1:]),
         information=_dead_reckoning_information(reckoning, rows, config),
         world_steps=world_steps,
-        heavy_tailed=np.full(len(pairs), reckoning.in_world),
+        heavy_tailed=np.full(len(pairs), not reckoning.absent),
     )
 
 

@@ -372,3 +372,20 @@ def place(cloud, T_map_cloud, target, first):
         target_covariance[k, 0, 0], target_covariance[k, 1, 1] = xx, yy
         target_covariance[k, 0, 1] = target_covariance[k, 1, 0] = xy
         target_sigma[k] = tangent_sigma[i]
+
+
+@njit(cache=True)
+def look(bearings, ranges, points, gap, margin, looked, free):
+    """Count in ``looked`` and ``free (n,)`` the points, in the laser's frame, that one sight sees so."""
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        bearing, distance = np.arctan2(y, x), np.sqrt(x * x + y * y)
+        after = min(max(np.searchsorted(bearings, bearing), 1), len(bearings) - 1)
+        before = after - 1
+        if min(abs(bearing - bearings[before]), abs(bearings[after] - bearing)) > gap:
+            continue
+        near, far = min(ranges[before], ranges[after]), max(ranges[before], ranges[after])
+        if distance < far + margin:
+            looked[i] += 1
+            if distance < near - margin:
+                free[i] += 1

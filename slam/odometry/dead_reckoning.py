@@ -41,6 +41,9 @@ class DeadReckoningConfig:
     """Share of a turn by which a wheel odometry's yaw increment is off (one sigma)."""
     odometry_yaw_per_metre: float = 0.04
     """Yaw error [rad] of a wheel odometry per metre driven (one sigma)."""
+    doubt: tuple[float, float] = (0.5, np.radians(20.0))
+    """Standard deviations (m, rad) that a step has on top where a match contradicts dead reckoning, or much
+    was seen that matches nowhere."""
     speed_sigma: float = 0.5
     """Speed [m/s] that a robot without dead reckoning may have had since it was last seen (one sigma)."""
     turn_sigma: float = 0.5
@@ -52,13 +55,18 @@ class DeadReckoningConfig:
 class DeadReckoning:
     """Dead reckoning of the scans in ``measurements``, with the noise of ``config``.
 
-    The map frame is the dead reckoning's: every method starts at the first recorded pose.
+    The map frame is the dead reckoning's: every method starts at the first recorded pose. ``doubted (N,)``
+    bool marks the steps that are not to be believed, by default none.
     """
 
     def __init__(
-        self, measurements: Measurements, config: DeadReckoningConfig = DeadReckoningConfig()
+        self,
+        measurements: Measurements,
+        config: DeadReckoningConfig = DeadReckoningConfig(),
+        doubted: np.ndarray | None = None,
     ) -> None:
         self.measurements, self.config = measurements, config
+        self.doubted = np.zeros(len(measurements), dtype=bool) if doubted is None else doubted
 
     @property
     def in_world(self) -> bool:
@@ -103,7 +111,10 @@ class DeadReckoning:
             seconds = np.maximum(np.abs(time[k] - time[j]), c.least_seconds)
             speeds = np.diag([c.speed_sigma, c.speed_sigma, c.turn_sigma]) ** 2
             return speeds * np.asarray(seconds)[..., None, None] ** 2
-        step = se2.between(self.poses[j], self.poses[k])
+        return self._step_noise(j, k) + self._doubt(j, k)
+
+    def _step_noise(self, j: int | np.ndarray, k: int | np.ndarray) -> Array:
+        c, step = self.config, se2.between(self.poses[j], self.poses[k])
         path, turn = np.hypot(step[..., 0], step[..., 1]), np.abs(step[..., 2])
         if self.in_world:
             position = self.position_variance(path)
@@ -112,6 +123,16 @@ class DeadReckoning:
         side = along + (c.odometry_side_share * turn * path) ** 2
         turned = c.odometry_yaw_sigma**2 + (c.odometry_turn_share * turn) ** 2
         return _diagonal(along, side, turned + (c.odometry_yaw_per_metre * path) ** 2)
+
+    def _doubt(self, j: int | np.ndarray, k: int | np.ndarray) -> Array:
+        """What the doubted steps among j+1..k add, ``(..., 3, 3)``."""
+        if np.ndim(k) == 0:
+            count = np.asarray(np.count_nonzero(self.doubted[j + 1 : k + 1]))
+        else:
+            before = np.concatenate([[0], np.cumsum(self.doubted)])
+            count = before[k + 1] - before[j + 1]
+        shift, turn = self.config.doubt
+        return count[..., None, None] * np.diag([shift, shift, turn]) ** 2
 
     def position_variance(self, path: Array) -> Array:
         """Variance [m²] of an INS's position increments over ways ``path (...)`` m, per axis."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -30,7 +30,8 @@ class Track:
     that reference in the body frame of the scan, NaN where there is none; ``information (N, 3, 3)`` what
     the match alone said of it, weak directions faded out, zero where it said nothing; ``matches (N,)``
     pairs in the last iteration; ``confidence`` named columns ``(N,)``, larger = worse, +inf where a match
-    was tried and failed and NaN where none was tried.
+    was tried and failed and NaN where none was tried. ``doubted (N,)`` bool marks the steps on which dead
+    reckoning is not to be believed: a match contradicts it, or much was seen that matches nowhere.
     """
 
     poses: Array
@@ -40,6 +41,11 @@ class Track:
     information: Array
     matches: np.ndarray
     confidence: dict[str, Array]
+    doubted: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def __post_init__(self) -> None:
+        if len(self.doubted) == 0:
+            object.__setattr__(self, "doubted", np.zeros(len(self.poses), dtype=bool))
 
     @property
     def matched_share(self) -> float:

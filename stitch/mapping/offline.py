@@ -62,7 +62,7 @@ def build_map(
     revise: Revise | None = None,
 ) -> Estimate:
     """What follows a front end's track: cut, stitch by ``stitch``, close the loops, adjust."""
-    reckoning = DeadReckoning(recording, config.frontend.dead_reckoning)
+    reckoning = DeadReckoning(recording, config.frontend.dead_reckoning, tracked.doubted)
     steady = segments(tracked, config.segmentation)
     drive = close_drive(reckoning, scans, tracked, steady, config, stitch, revise)
     if drive is None:
