@@ -49,9 +49,7 @@ def read_track(arrays: Arrays, method: str) -> Track | None:
         return None
     start = f"{method}/confidence/"
     confidence = {name.removeprefix(start): arrays[name] for name in arrays if name.startswith(start)}
-    values: dict[str, Any] = {
-        name: arrays[f"{method}/{name}"] for name in TRACK_FIELDS if f"{method}/{name}" in arrays
-    }
+    values: dict[str, Any] = {name: arrays[f"{method}/{name}"] for name in TRACK_FIELDS}
     return Track(**values, confidence=confidence)
 
 

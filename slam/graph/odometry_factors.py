@@ -82,7 +82,8 @@ def dead_reckoning_graph(
 ) -> PoseGraph:
     """Graph of dead reckoning alone over the scans ``rows (K,)``, placed at ``poses (N, 3)``.
 
-    An INS's yaw has heavy tails: a fall turns it by ten degrees and more. Without dead reckoning each step is
+    An INS's yaw has heavy tails: a fall turns it by ten degrees and more; so have wheels that were
+    contradicted. Without dead reckoning each step is
     expected to be that of ``poses``, as surely as the time it took allows.
     """
     pairs = np.stack([np.arange(len(rows) - 1), np.arange(1, len(rows))], axis=1)
@@ -97,7 +98,7 @@ def dead_reckoning_graph(
         T_ij=se2.between(at_rows[:-1], at_rows[1:]),
         information=_dead_reckoning_information(reckoning, rows, config),
         world_steps=world_steps,
-        heavy_tailed=np.full(len(pairs), not reckoning.absent),
+        heavy_tailed=np.full(len(pairs), reckoning.in_world or reckoning.contradicted is not None),
     )
 
 

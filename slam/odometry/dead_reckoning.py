@@ -42,8 +42,7 @@ class DeadReckoningConfig:
     odometry_yaw_per_metre: float = 0.04
     """Yaw error [rad] of a wheel odometry per metre driven (one sigma)."""
     doubt: tuple[float, float] = (0.5, np.radians(20.0))
-    """Standard deviations (m, rad) that a step has on top where a match contradicts dead reckoning, or much
-    was seen that matches nowhere."""
+    """Standard deviations (m, rad) that a contradicted step has on top."""
     speed_sigma: float = 0.5
     """Speed [m/s] that a robot without dead reckoning may have had since it was last seen (one sigma)."""
     turn_sigma: float = 0.5
@@ -55,18 +54,18 @@ class DeadReckoningConfig:
 class DeadReckoning:
     """Dead reckoning of the scans in ``measurements``, with the noise of ``config``.
 
-    The map frame is the dead reckoning's: every method starts at the first recorded pose. ``doubted (N,)``
-    bool marks the steps that are not to be believed, by default none.
+    The map frame is the dead reckoning's: every method starts at the first recorded pose. ``contradicted
+    (N,)`` bool marks the scans whose step is not to be believed, by default none.
     """
 
     def __init__(
         self,
         measurements: Measurements,
         config: DeadReckoningConfig = DeadReckoningConfig(),
-        doubted: np.ndarray | None = None,
+        contradicted: np.ndarray | None = None,
     ) -> None:
         self.measurements, self.config = measurements, config
-        self.doubted = np.zeros(len(measurements), dtype=bool) if doubted is None else doubted
+        self.contradicted = contradicted
 
     @property
     def in_world(self) -> bool:
@@ -111,7 +110,8 @@ class DeadReckoning:
             seconds = np.maximum(np.abs(time[k] - time[j]), c.least_seconds)
             speeds = np.diag([c.speed_sigma, c.speed_sigma, c.turn_sigma]) ** 2
             return speeds * np.asarray(seconds)[..., None, None] ** 2
-        return self._step_noise(j, k) + self._doubt(j, k)
+        noise = self._step_noise(j, k)
+        return noise if self.contradicted is None else noise + self._doubt(self.contradicted, j, k)
 
     def _step_noise(self, j: int | np.ndarray, k: int | np.ndarray) -> Array:
         c, step = self.config, se2.between(self.poses[j], self.poses[k])
@@ -124,12 +124,12 @@ class DeadReckoning:
         turned = c.odometry_yaw_sigma**2 + (c.odometry_turn_share * turn) ** 2
         return _diagonal(along, side, turned + (c.odometry_yaw_per_metre * path) ** 2)
 
-    def _doubt(self, j: int | np.ndarray, k: int | np.ndarray) -> Array:
-        """What the doubted steps among j+1..k add, ``(..., 3, 3)``."""
+    def _doubt(self, contradicted: np.ndarray, j: int | np.ndarray, k: int | np.ndarray) -> Array:
+        """What contradicted steps among j+1..k add, ``(..., 3, 3)``."""
         if np.ndim(k) == 0:
-            count = np.asarray(np.count_nonzero(self.doubted[j + 1 : k + 1]))
+            count = np.asarray(np.count_nonzero(contradicted[j + 1 : k + 1]))
         else:
-            before = np.concatenate([[0], np.cumsum(self.doubted)])
+            before = np.concatenate([[0], np.cumsum(contradicted)])
             count = before[k + 1] - before[j + 1]
         shift, turn = self.config.doubt
         return count[..., None, None] * np.diag([shift, shift, turn]) ** 2

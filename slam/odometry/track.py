@@ -30,8 +30,8 @@ class Track:
     that reference in the body frame of the scan, NaN where there is none; ``information (N, 3, 3)`` what
     the match alone said of it, weak directions faded out, zero where it said nothing; ``matches (N,)``
     pairs in the last iteration; ``confidence`` named columns ``(N,)``, larger = worse, +inf where a match
-    was tried and failed and NaN where none was tried. ``doubted (N,)`` bool marks the steps on which dead
-    reckoning is not to be believed: a match contradicts it, or much was seen that matches nowhere.
+    was tried and failed and NaN where none was tried. ``contradicted (N,)`` bool marks the scans whose match
+    says that dead reckoning's step is wrong.
     """
 
     poses: Array
@@ -41,11 +41,11 @@ class Track:
     information: Array
     matches: np.ndarray
     confidence: dict[str, Array]
-    doubted: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    contradicted: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
-        if len(self.doubted) == 0:
-            object.__setattr__(self, "doubted", np.zeros(len(self.poses), dtype=bool))
+        if len(self.contradicted) == 0:
+            object.__setattr__(self, "contradicted", np.zeros(len(self.poses), dtype=bool))
 
     @property
     def matched_share(self) -> float:

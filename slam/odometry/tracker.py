@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeGuard
@@ -13,21 +11,19 @@ import numpy as np
 from slam import se2
 from slam.matching import RAW_WSM, LocalMap, Match, MatchConfig, NoMatch, Reference, match
 from slam.matching.config import CovarianceMode, Method
-from slam.matching.free_space import Sight
 from slam.matching.match import register
 from slam.measurements import Measurements
 from slam.odometry.calibration import Calibration, CalibrationConfig
 from slam.odometry.confidence import compute_measures
 from slam.odometry.dead_reckoning import DeadReckoning, DeadReckoningConfig
 from slam.odometry.match_statistics import MatchStatistics
-from slam.odometry.recovery import Fit, RecoveryConfig, saw_motion
+from slam.odometry.recovery import RecoveryConfig
 from slam.odometry.tilt import tilted_scans
 from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
 from slam.scan import Scan, ScanConfig, stream
 from slam.se2 import Array
 
-LOST = int(os.environ.get("LOST", "10"))
 ALWAYS = 1.01
 """A share of paired points below which the matcher looks elsewhere, and which no match reaches."""
 
@@ -76,8 +72,6 @@ class FrontendConfig:
     """Keyframes in the local map."""
     trust_dead_reckoning: bool = True
     """Whether dead reckoning's increment is a prior in the match."""
-    prior_inflation: float = 25.0
-    """Covariance inflation of a wheel odometry's prior in the match: where walls decide, they shall."""
     tilt_limit: float = np.radians(5.0)
     """A scan tilted more than this [rad] from the recent attitude is not matched."""
     tilt_window: int = 101
@@ -96,7 +90,7 @@ class FrontendConfig:
     laser_only: LaserOnlyConfig = field(default_factory=LaserOnlyConfig)
     """What changes without dead reckoning."""
     recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
-    """What is done where a match contradicts dead reckoning."""
+    """What changes where dead reckoning lies."""
 
     def __post_init__(self) -> None:
         register(self.method)
@@ -117,13 +111,12 @@ MANIFOLD_SLAM = FrontendConfig(
     max_variance=10_000.0,
     max_innovation=np.inf,
     calibrate=False,
-    recovery=RecoveryConfig(search_shift=0.0),
 )
 """ManifoldSLAM as UsarCommander ran it for the thesis, including the absolute seed that tears its maps."""
 
 
 @dataclass(frozen=True)
-class _Seed:
+class Seed:
     """Where a scan is expected before it is looked at: pose ``(3,)``, and covariance ``(3, 3)`` of additive
     map-frame errors of the dead reckoning since the last scan."""
 
@@ -141,7 +134,7 @@ class _Steps:
     covariance: Array
     information: Array
     matches: np.ndarray
-    doubted: np.ndarray
+    contradicted: np.ndarray
     statistics: MatchStatistics
 
     @classmethod
@@ -154,14 +147,14 @@ class _Steps:
             covariance=np.full((n, 3, 3), np.nan),
             information=np.zeros((n, 3, 3)),
             matches=np.zeros(n, dtype=np.int64),
-            doubted=np.zeros(n, dtype=bool),
+            contradicted=np.zeros(n, dtype=bool),
             statistics=MatchStatistics.empty(n),
         )
 
     def extended(self, n: int) -> _Steps:
         """The same with room for n scans."""
         room = _Steps.empty(n - len(self.poses))
-        names = ("poses", "verdict", "reference", "covariance", "information", "matches", "doubted")
+        names = ("poses", "verdict", "reference", "covariance", "information", "matches", "contradicted")
         columns = {name: np.concatenate([getattr(self, name), getattr(room, name)]) for name in names}
         return _Steps(**columns, statistics=self.statistics.extended(n))
 
@@ -194,11 +187,8 @@ class Tracker:
         self.reckoning = DeadReckoning(measurements, config.dead_reckoning)
         self.config = _with_wide_search(config) if self.reckoning.absent else config
         self._steps = _Steps.empty(room)
-        self.reckoning.doubted = self._steps.doubted
         self._count = 0
         self._keyframes: list[int] = []
-        self._sights: deque[Sight] = deque(maxlen=config.map_scans)
-        self._fits = deque([config.recovery.fit_start], maxlen=config.recovery.fit_window)
         self._local: Reference | LocalMap = LocalMap(config.map_scans)
         self._calibration = Calibration(config.calibration)
         self._last = 0
@@ -209,7 +199,6 @@ class Tracker:
         k = self._count
         if k == len(self._steps.poses):
             self._steps = self._steps.extended(2 * k)
-            self.reckoning.doubted = self._steps.doubted
         self._count += 1
         if k == 0:
             self._steps.poses[0] = self.reckoning.poses[0]
@@ -218,19 +207,12 @@ class Tracker:
         if not self._has_moved(k):
             self._steps.poses[k] = self._steps.poses[self._last]
             return
-        self._steps.doubted[k] = self._is_frozen(k)
         seed = self._predict(k)
         result = NoMatch("tilted") if tilted else self._match(scan, seed)
-        believed = self._is_sound(result) and self._agrees(seed, result)
-        if not (tilted or self.reckoning.absent) and self.config.recovery.search_shift > 0.0:
-            result, believed = self._reconsider(k, scan, seed, result, believed)
+        result, believed = self._judge(k, scan, seed, result)
         self._accept(k, seed, result, believed)
         self._record_statistics(k, seed, scan, result)
-        lost = self._steps.doubted[k] and not believed
-        if (self.reckoning.absent or lost) and self._is_given_up(k) and len(scan) > 0:
-            self._start_anew(scan, k)
-        elif self._is_keyframe(k) and (self.config.reference == "scan" or not (tilted or lost)):
-            self._add_keyframe(scan, k)
+        self._extend_map(k, scan, tilted)
 
     @property
     def poses(self) -> Array:
@@ -243,7 +225,7 @@ class Tracker:
         return Track(
             steps.poses[part], steps.verdict[part], steps.reference[part], steps.covariance[part],
             steps.information[part], steps.matches[part],
-            compute_measures(steps.statistics[part], measures), steps.doubted[part],
+            compute_measures(steps.statistics[part], measures), steps.contradicted[part],
         )  # fmt: skip
 
     def _has_moved(self, k: int) -> bool:
@@ -253,7 +235,7 @@ class Tracker:
         step = np.abs(se2.between(poses[self._last], poses[k]))
         return bool(np.any(step >= [config.skip_distance, config.skip_distance, config.skip_angle]))
 
-    def _predict(self, k: int) -> _Seed:
+    def _predict(self, k: int) -> Seed:
         config, reckoning, j = self.config, self.reckoning, self._last
         if reckoning.absent:
             return self._coast(k)
@@ -262,12 +244,9 @@ class Tracker:
         else:
             calibration = self._calibration if config.calibrate and reckoning.in_world else None
             pose = reckoning.predict(j, k, self._steps.poses[j], calibration)
-        if self._steps.doubted[k]:
-            pose = self._coasted(k)
-        since = self._last_matched if self._steps.doubted[self._last_matched + 1 : j + 1].any() else j
-        return _Seed(pose, reckoning.map_covariance(since, k, pose))
+        return Seed(pose, reckoning.map_covariance(j, k, pose))
 
-    def _coast(self, k: int) -> _Seed:
+    def _coast(self, k: int) -> Seed:
         """Where a robot without dead reckoning is expected: at constant velocity, or at rest once it was
         lost."""
         config, reckoning, poses = self.config.laser_only, self.reckoning, self._steps.poses
@@ -275,89 +254,27 @@ class Tracker:
         before, since = reckoning.seconds(i, j), reckoning.seconds(j, k)
         if j != self._last_matched or i < 0 or before <= 0.0 or not 0.0 < since < config.max_coasting:
             rest = reckoning.predict(j, k, poses[j])
-            return _Seed(rest, reckoning.map_covariance(self._last_matched, k, rest))
+            return Seed(rest, reckoning.map_covariance(self._last_matched, k, rest))
         step = se2.log(se2.between(poses[i], poses[j]))
         pose = se2.compose(poses[j], se2.exp(step * min(since / before, 2.0)))
-        return _Seed(pose, config.coasting_sigma**2 * reckoning.map_covariance(j, k, pose))
+        return Seed(pose, config.coasting_sigma**2 * reckoning.map_covariance(j, k, pose))
 
-    def _match(self, scan: Scan, seed: _Seed) -> Match | NoMatch:
+    def _match(self, scan: Scan, seed: Seed) -> Match | NoMatch:
         """The scan's pose in the frame of what it is matched against."""
         config = self.config
-        prior = None
-        if config.trust_dead_reckoning:
-            inflated = not (self.reckoning.in_world or self.reckoning.absent)
-            prior = np.linalg.inv(seed.covariance * (config.prior_inflation if inflated else 1.0))
+        prior = np.linalg.inv(seed.covariance) if config.trust_dead_reckoning else None
         guess = se2.between(self._origin(), seed.pose)
         return match(self._local, scan, guess, config.method, config.covariance, prior, config.match)
 
-    def _reconsider(
-        self, k: int, scan: Scan, seed: _Seed, result: Match | NoMatch, believed: bool
-    ) -> tuple[Match | NoMatch, bool]:
-        """Look elsewhere for a scan whose match contradicts dead reckoning or what was seen before: the
-        answer to take, and whether it is believed."""
-        config, fit, frozen = self.config.recovery, self._fit(scan), bool(self._steps.doubted[k])
-        alert = frozen or self._steps.doubted[self._last]
-        least = np.median(self._fits) - config.fit_tolerance
-        value = fit.of(result)
-        if believed and not alert and value >= least:
-            self._fits.append(value)
-            return result, True
-        guesses = seed.pose, self._steps.poses[self._last], self._coasted(k)
-        answers = [result, *(self._match_anywhere(scan, guess) for guess in guesses)]
-        best, found = fit.best(answers, seed.pose)
-        overruled = found >= max(least, value + config.fit_gain if believed and not alert else -np.inf)
-        if overruled and isinstance(best, Match):
-            self._steps.doubted[k] = frozen or not self._agrees(seed, best)
-            return best, True
-        if believed and not alert:
-            self._fits.append(value)
-            return result, True
-        self._steps.doubted[k] = alert or self._is_contradicted(fit, seed)
-        return result, False
+    def _judge(self, k: int, scan: Scan, seed: Seed, result: Match | NoMatch) -> tuple[Match | NoMatch, bool]:
+        """The answer for scan k, and whether it is believed."""
+        sound = self._is_sound(result)
+        agrees = self._is_sound(result) and self._agrees(seed, result)
+        self._steps.contradicted[k] = sound and not agrees
+        return result, agrees
 
-    def _is_contradicted(self, fit: Fit, seed: _Seed) -> bool:
-        """Whether dead reckoning puts walls into space that was seen free."""
-        config = self.config.recovery
-        looked, violated = fit.violations(seed.pose)
-        return looked >= config.min_points and violated > config.lost_violations * looked
-
-    def _is_frozen(self, k: int) -> bool:
-        """Whether dead reckoning stands still though the laser moved."""
-        log, recovery = self.measurements, self.config.recovery
-        if self.reckoning.absent or recovery.search_shift <= 0.0:
-            return False
-        step = se2.between(self.reckoning.poses[self._last], self.reckoning.poses[k])
-        stands = bool(np.all(np.abs(step) < recovery.still))
-        return stands and saw_motion(log.ranges[self._last], log.ranges[k], recovery)
-
-    def _fit(self, scan: Scan) -> Fit:
-        spacing = float(np.median(np.diff(self.measurements.angles)))
-        return Fit(scan, self._origin(), self._sights, spacing, self.config.recovery)
-
-    def _match_anywhere(self, scan: Scan, pose: Array) -> Match | NoMatch:
-        """The scan matched without a prior, searched for around a ``pose (3,)``."""
-        config, recovery = self.config, self.config.recovery
-        wide = replace(
-            config.match,
-            search_shift=recovery.search_shift,
-            search_turn=recovery.search_turn,
-            least_share=ALWAYS,
-        )
-        guess = se2.between(self._origin(), pose)
-        return match(self._local, scan, guess, config.method, config.covariance, config=wide)
-
-    def _coasted(self, k: int) -> Array:
-        """Pose ``(3,)`` at scan k of a robot that goes on as it last went."""
-        poses, j = self._steps.poses, self._last
-        i = int(self._steps.reference[j])
-        before, since = self.reckoning.seconds(i, j), self.reckoning.seconds(j, k)
-        if i < 0 or before <= 0.0 or since <= 0.0:
-            return poses[j]
-        step = se2.log(se2.between(poses[i], poses[j]))
-        return se2.compose(poses[j], se2.exp(step * min(since / before, 2.0)))
-
-    def _accept(self, k: int, seed: _Seed, result: Match | NoMatch, believed: bool) -> None:
-        """Believe the match, or fall back to the seed with the dead reckoning's covariance."""
+    def _accept(self, k: int, seed: Seed, result: Match | NoMatch, believed: bool) -> None:
+        """Take the match, or fall back to the seed with the dead reckoning's covariance."""
         steps, reckoning = self._steps, self.reckoning
         steps.reference[k] = self._keyframes[-1] if self.config.reference == "scan" else self._last
         steps.matches[k] = result.n_matches
@@ -376,14 +293,14 @@ class Tracker:
         self._last = k
 
     def _is_sound(self, result: Match | NoMatch) -> TypeGuard[Match]:
-        """Whether the matcher itself believes its answer."""
+        """Whether a match is one that the matcher itself believes."""
         if isinstance(result, NoMatch) or not result.converged:
             return False
         variances = np.abs(np.diag(result.covariance)) * [1e6, 1e6, 1.0]
         return bool(np.all(variances <= self.config.max_variance))
 
-    def _agrees(self, seed: _Seed, result: Match) -> bool:
-        """Whether a match lies where dead reckoning expects it."""
+    def _agrees(self, seed: Seed, result: Match) -> bool:
+        """Whether a match lies where dead reckoning may have it."""
         if np.isinf(self.config.max_innovation):
             return True
         innovation = (se2.compose(self._origin(), result.T_reference_scan) - seed.pose)[:2]
@@ -400,7 +317,7 @@ class Tracker:
         sigma = np.sqrt(np.abs(np.diag(steps.covariance[k])))
         self._calibration.learn(sensed, reckoning.seconds(j, k), matched, sigma)
 
-    def _record_statistics(self, k: int, seed: _Seed, scan: Scan, result: Match | NoMatch) -> None:
+    def _record_statistics(self, k: int, seed: Seed, scan: Scan, result: Match | NoMatch) -> None:
         """Keep the match's statistics; a step is expected from its reference on, whatever the seed."""
         steps, reckoning = self._steps, self.reckoning
         if isinstance(result, NoMatch):
@@ -414,10 +331,13 @@ class Tracker:
         attitude = None if self.measurements.attitude is None else self.measurements.attitude[k]
         steps.statistics.note(k, result, len(scan), attitude, self._origin(), expected, covariance)
 
-    def _is_given_up(self, k: int) -> bool:
-        return k - self._last_matched >= (
-            self.config.laser_only.max_unmatched if self.reckoning.absent else LOST
-        )
+    def _extend_map(self, k: int, scan: Scan, tilted: bool) -> None:
+        """What scan k adds to what the next ones are matched against."""
+        lost = self.reckoning.absent and k - self._last_matched >= self.config.laser_only.max_unmatched
+        if lost and len(scan) > 0:
+            self._start_anew(scan, k)
+        elif self._is_keyframe(k) and (self.config.reference == "scan" or not tilted):
+            self._add_keyframe(scan, k)
 
     def _start_anew(self, scan: Scan, k: int) -> None:
         """A robot that has been lost for long sees places it has no map of: forget the local map."""
@@ -440,8 +360,6 @@ class Tracker:
         else:
             assert isinstance(self._local, LocalMap)
             self._local.add(scan, self._steps.poses[k])
-        if self.config.recovery.search_shift > 0.0:
-            self._sights.append(Sight.of(scan, self._steps.poses[k], self.measurements.laser.T_robot_laser))
 
     def _origin(self) -> Array:
         """Pose in the map of the frame that scans are matched in."""

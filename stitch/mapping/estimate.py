@@ -9,6 +9,7 @@ import numpy as np
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping.submap import Submap
 from slam.odometry.laser_mount import Mount
+from slam.odometry.odometry_faults import OdometryFaults
 from slam.odometry.track import Track
 from slam.se2 import Array
 from stitch.align import NoStitch, Prior, Stitch
@@ -60,7 +61,8 @@ class Estimate:
 
     ``covariance (N, 3, 3)`` are the marginals in the body frame, None where the method has none; ``online``
     is what a method answered that works scan by scan; ``laser_mount`` where the laser was found to sit, None
-    where that was stated or could not be told.
+    where that was stated or could not be told; ``odometry_faults`` what of its odometry was corrected, None
+    where nothing was.
     """
 
     method: str
@@ -73,6 +75,7 @@ class Estimate:
     graph_after: PoseGraph | None = None
     online: OnlineResult | None = None
     laser_mount: Mount | None = None
+    odometry_faults: OdometryFaults | None = None
 
 
 @dataclass(frozen=True)

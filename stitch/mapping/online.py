@@ -21,6 +21,7 @@ from slam.mapping import keyframes
 from slam.mapping.submap import cut
 from slam.matching import Reference
 from slam.measurements import MeasurementLog
+from slam.odometry.dead_reckoning import DeadReckoning
 from slam.odometry.ego_motion_filter import filter_scan
 from slam.odometry.laser_mount import Mount, find_mount
 from slam.odometry.segmentation import lost_steps
@@ -111,8 +112,8 @@ class OnlineMapper:
         )
         self.stitch = partial(align, config=config.loops.align) if stitch is None else stitch
         self.measurements = MeasurementLog(laser, angles, source)
+        self.reckoning = DeadReckoning(self.measurements, config.frontend.dead_reckoning)
         self.tracker = Tracker(self.measurements, config.frontend)
-        self.reckoning = self.tracker.reckoning
         self.tilt = TiltDetector(config.frontend.tilt_limit, config.online.tilt_window)
         self.graph: IncrementalGraph  # from the first scan on
         self.submap_graph = SubmapGraph([], PoseGraph(np.zeros((0, 3))), source, config.loops)
