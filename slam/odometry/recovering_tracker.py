@@ -17,7 +17,7 @@ from slam import se2
 from slam.matching import Match, NoMatch, match
 from slam.matching.free_space import Sight
 from slam.measurements import Measurements
-from slam.odometry.recovery import Fit, saw_motion
+from slam.odometry.recovery import Fit, RecoveryConfig, saw_motion
 from slam.odometry.tilt import tilted_scans
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import ALWAYS, FrontendConfig, Seed, Tracker
@@ -31,17 +31,18 @@ FIT_WINDOW = 100
 """… matches whose median it is then."""
 
 
-def is_contradicted(track: Track, config: FrontendConfig) -> bool:
+def is_contradicted(track: Track, config: RecoveryConfig) -> bool:
     """Whether matches contradict dead reckoning more often than on any honest drive."""
-    count, recovery = int(np.count_nonzero(track.contradicted)), config.recovery
-    enough = max(recovery.min_contradictions, recovery.min_contradicted_share * len(track))
-    return recovery.min_contradictions > 0 and count >= enough
+    enough = max(config.min_contradictions, config.min_contradicted_share * len(track))
+    return config.min_contradictions > 0 and int(np.count_nonzero(track.contradicted)) >= enough
 
 
-def track_recovering(recording: Recording, config: FrontendConfig, scans: Sequence[Scan]) -> Track:
+def track_recovering(
+    recording: Recording, config: FrontendConfig, recovery: RecoveryConfig, scans: Sequence[Scan]
+) -> Track:
     """As `slam.odometry.tracker.track`, with dead reckoning doubted."""
     tilted = tilted_scans(recording, config.tilt_limit, config.tilt_window)
-    tracker = RecoveringTracker(recording, config, room=len(recording))
+    tracker = RecoveringTracker(recording, config, recovery, room=len(recording))
     for scan, is_tilted in zip(scans, tilted, strict=True):
         tracker.step(scan, is_tilted)
     return tracker.track()
@@ -50,14 +51,21 @@ def track_recovering(recording: Recording, config: FrontendConfig, scans: Sequen
 class RecoveringTracker(Tracker):
     """As `Tracker`, for a robot whose dead reckoning lies."""
 
-    def __init__(self, measurements: Measurements, config: FrontendConfig, room: int = 256) -> None:
+    def __init__(
+        self,
+        measurements: Measurements,
+        config: FrontendConfig,
+        recovery: RecoveryConfig = RecoveryConfig(),
+        room: int = 256,
+    ) -> None:
+        self.recovery = recovery
         super().__init__(measurements, config, room)
         self._sights: deque[Sight] = deque(maxlen=config.map_scans)
         self._fits = deque([FIT_START], maxlen=FIT_WINDOW)
         self._wide = replace(
             config.match,
-            search_shift=config.recovery.search_shift,
-            search_turn=config.recovery.search_turn,
+            search_shift=recovery.search_shift,
+            search_turn=recovery.search_turn,
             least_share=ALWAYS,
         )
         self._spacing = float(np.median(np.diff(measurements.angles)))
@@ -73,9 +81,11 @@ class RecoveringTracker(Tracker):
 
     def _is_frozen(self, k: int) -> bool:
         """Whether dead reckoning stands still though the laser moved."""
-        recovery, ranges, poses = self.config.recovery, self.measurements.ranges, self.reckoning.poses
+        ranges, poses = self.measurements.ranges, self.reckoning.poses
         step = np.abs(se2.between(poses[self._last], poses[k]))
-        return bool(np.all(step < recovery.still)) and saw_motion(ranges[self._last], ranges[k], recovery)
+        return bool(np.all(step < self.recovery.still)) and saw_motion(
+            ranges[self._last], ranges[k], self.recovery
+        )
 
     def _coasted(self, k: int) -> Array:
         """Pose ``(3,)`` at scan k of a robot that goes on as it last went."""
@@ -88,12 +98,11 @@ class RecoveringTracker(Tracker):
         return se2.compose(poses[j], se2.exp(step * min(since / before, 2.0)))
 
     def _match(self, scan: Scan, seed: Seed) -> Match | NoMatch:
-        inflation = self.config.recovery.prior_inflation
-        return super()._match(scan, Seed(seed.pose, seed.covariance * inflation))
+        return super()._match(scan, Seed(seed.pose, seed.covariance * self.recovery.prior_inflation))
 
     def _judge(self, k: int, scan: Scan, seed: Seed, result: Match | NoMatch) -> tuple[Match | NoMatch, bool]:
         frozen, after_doubt = bool(self._steps.contradicted[k]), bool(self._steps.contradicted[self._last])
-        fit = Fit(scan, self._origin(), self._sights, self._spacing, self.config.recovery)
+        fit = Fit(scan, self._origin(), self._sights, self._spacing, self.recovery)
         believed = self._is_sound(result) and self._agrees(seed, result) and not (frozen or after_doubt)
         if believed and isinstance(result, Match) and not fit.violates(result):
             self._fits.append(fit.of(result))
@@ -104,13 +113,12 @@ class RecoveringTracker(Tracker):
         if best is not None:
             self._steps.contradicted[k] = frozen or not self._agrees(seed, best)
             return best, True
-        lost = not believed and len(scan) > self.config.recovery.min_points
+        lost = not believed and len(scan) > self.recovery.min_points
         self._steps.contradicted[k] = frozen or lost
         return result, believed
 
     def _least_fit(self) -> float:
-        recovery = self.config.recovery
-        return min(recovery.min_fit, float(np.median(self._fits)) - recovery.fit_tolerance)
+        return min(self.recovery.min_fit, float(np.median(self._fits)) - self.recovery.fit_tolerance)
 
     def _match_anywhere(self, scan: Scan, pose: Array) -> Match | NoMatch:
         """The scan matched without a prior, searched for around a ``pose (3,)``."""
@@ -122,7 +130,7 @@ class RecoveringTracker(Tracker):
         lost = steps.contradicted[k] and steps.verdict[k] == Verdict.FELL_BACK
         if not lost:
             super()._extend_map(k, scan, tilted)
-        elif k - self._last_matched >= self.config.recovery.max_lost:
+        elif k - self._last_matched >= self.recovery.max_lost:
             self._start_anew(scan, k)
 
     def _add_keyframe(self, scan: Scan, k: int) -> None:

@@ -17,7 +17,6 @@ from slam.odometry.calibration import Calibration, CalibrationConfig
 from slam.odometry.confidence import compute_measures
 from slam.odometry.dead_reckoning import DeadReckoning, DeadReckoningConfig
 from slam.odometry.match_statistics import MatchStatistics
-from slam.odometry.recovery import RecoveryConfig
 from slam.odometry.tilt import tilted_scans
 from slam.odometry.track import Track, Verdict
 from slam.recording import Recording
@@ -89,8 +88,6 @@ class FrontendConfig:
     """Noise of the dead reckoning."""
     laser_only: LaserOnlyConfig = field(default_factory=LaserOnlyConfig)
     """What changes without dead reckoning."""
-    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
-    """What changes where dead reckoning lies."""
 
     def __post_init__(self) -> None:
         register(self.method)

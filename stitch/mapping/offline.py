@@ -65,18 +65,19 @@ def _track_believably(recording: Recording, config: MappingConfig) -> tuple[_Dri
     """The drive tracked; where matches contradict its odometry, with that corrected by what is wrong with it
     throughout, and where they still do, with odometry doubted."""
     drive = _track(recording, config)
-    if recording.source != "odometry" or not is_contradicted(drive.track, config.frontend):
+    if recording.source != "odometry" or not is_contradicted(drive.track, config.recovery):
         return drive, None
     drive = _recovered(drive, config)
     faults = find_faults(drive.recording, drive.track, config.odometry_faults)
     if not faults:
         return drive, None
     drive = _track(faults.corrected(recording), config)
-    return (_recovered(drive, config) if is_contradicted(drive.track, config.frontend) else drive), faults
+    return (_recovered(drive, config) if is_contradicted(drive.track, config.recovery) else drive), faults
 
 
 def _recovered(drive: _Drive, config: MappingConfig) -> _Drive:
-    return replace(drive, track=track_recovering(drive.recording, config.frontend, drive.scans))
+    tracked = track_recovering(drive.recording, config.frontend, config.recovery, drive.scans)
+    return replace(drive, track=tracked)
 
 
 def _track(recording: Recording, config: MappingConfig) -> _Drive:

@@ -87,6 +87,7 @@ CASES = {
     "slam.frontend.dead_reckoning.odometry_yaw_sigma": Case(0.05, "odometry"),
     "slam.frontend.dead_reckoning.odometry_turn_share": Case(0.4, "odometry"),
     "slam.frontend.dead_reckoning.odometry_yaw_per_metre": Case(0.2, "odometry"),
+    "slam.frontend.dead_reckoning.doubt": Case((0.05, 0.05), "frozen"),
     "slam.frontend.dead_reckoning.speed_sigma": Case(1.0, "alone"),
     "slam.frontend.dead_reckoning.turn_sigma": Case(1.0, "alone"),
     "slam.frontend.dead_reckoning.least_seconds": Case(0.5, "alone"),
@@ -178,6 +179,8 @@ CASES = {
 PLACES = {
     "slam.frontend.scan.neighbourhood": Case(0.1),
     "slam.frontend.match.robust": Case(1.0),
+    "slam.recovery.min_contradictions": Case(0, "frozen"),
+    "slam.odometry_faults.min_backwards": Case(0, "unsigned"),
     "slam.loops.align.search.blur": Case(2.0),
     "slam.loops.gnc.inlier_probability": Case(
         1e-3, "stubborn", "poses", {**SHORT, "slam.online.max_innovation": 0.0}

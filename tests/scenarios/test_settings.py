@@ -25,6 +25,8 @@ from slam.graph.pose_graph import GncConfig
 from slam.mapping.submap import Submap
 from slam.matching import MatchConfig
 from slam.odometry.ego_motion_filter import remove_co_moving_points
+from slam.odometry.odometry_faults import OdometryFaultConfig
+from slam.odometry.recovery import RecoveryConfig
 from slam.odometry.tracker import track
 from slam.recording import Laser, Recording, Source
 from slam.scan import ScanConfig, scans_of
@@ -43,6 +45,8 @@ ELSEWHERE: dict[type, tuple[str, str]] = {
     MatchConfig: ("slam/matching/test_match.py", "CHANGED"),
     GncConfig: ("slam/graph/test_gauss_newton.py", "CHANGED"),
     AlignConfig: ("stitch/alignment/test_config.py", "CASES"),
+    RecoveryConfig: ("slam/odometry/test_recovering_tracker.py", "CHANGED"),
+    OdometryFaultConfig: ("slam/odometry/test_odometry_faults.py", "CHANGED"),
 }
 """Classes whose settings have their cases beside the stage: the test's file, and what it calls them."""
 
@@ -102,6 +106,28 @@ def rows_of(recording: Recording, rows: np.ndarray) -> Recording:
     return replace(recording, **{name: getattr(recording, name)[rows] for name in parts})
 
 
+def unsigned(recording: Recording) -> Recording:
+    """There and back in reverse, with wheels that do not know which way they turn."""
+    there_and_back = replace(rows_of(recording, np.r_[0:30, 29:-1:-1]), time=recording.time)
+    steps = se2.between(there_and_back.dead_reckoning[:-1], there_and_back.dead_reckoning[1:])
+    return reckoned(there_and_back, np.column_stack([np.abs(steps[:, 0]), steps[:, 1:]]))
+
+
+def frozen(recording: Recording, rows: slice) -> Recording:
+    """With a dead reckoning that stands still for some steps."""
+    steps = se2.between(recording.dead_reckoning[:-1], recording.dead_reckoning[1:])
+    steps[rows] = 0.0
+    return reckoned(recording, steps)
+
+
+def reckoned(recording: Recording, steps: Array) -> Recording:
+    """With a dead reckoning of other steps ``(N - 1, 3)``."""
+    poses = [recording.dead_reckoning[0]]
+    for step in steps:
+        poses.append(se2.compose(poses[-1], step))
+    return replace(recording, dead_reckoning=np.array(poses))
+
+
 @pytest.fixture(scope="module")
 def drives(room: Array) -> dict[str, Recording]:
     nowhere, here = slice(0, 0), np.zeros(3)
@@ -112,6 +138,8 @@ def drives(room: Array) -> dict[str, Recording]:
         "alone": drive(room, "none", here, slice(40, 43), slice(50, 54)),
         "jump": rows_of(whole, np.r_[0:22, 34:N]),
         "mounted": drive(room, "odometry", MOUNT, nowhere, nowhere),
+        "unsigned": unsigned(drive(room, "odometry", here, nowhere, nowhere)),
+        "frozen": frozen(drive(room, "odometry", here, nowhere, nowhere), slice(20, 32)),
     }
 
 
