@@ -18,6 +18,9 @@ import numpy as np
 from scipy.special import chdtri
 
 from slam import se2
+from slam.odometry.mending import track_mended
+from slam.odometry.odometry_faults import OdometryFaultConfig
+from slam.odometry.recovery import RecoveryConfig
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import FrontendConfig, track
 from slam.recording import Recording
@@ -110,11 +113,14 @@ def find_mount(
     recording: Recording,
     frontend: FrontendConfig = FrontendConfig(),
     config: LaserMountConfig = LaserMountConfig(),
+    recovery: RecoveryConfig = RecoveryConfig(),
+    faults: OdometryFaultConfig = OdometryFaultConfig(),
 ) -> Mount | NoMount:
-    """Where the drive says that its laser sits, if nobody states it."""
+    """Where the drive says that its laser sits, if nobody states it; its odometry may lie."""
     if not (config.estimate and is_mount_unstated(recording)):
         return STATED
-    tracked = track(recording, frontend)
+    drive = track_mended(recording, frontend, recovery, faults)
+    recording, tracked = drive.recording, drive.track
     first = estimate_mount(recording, tracked, config)
     turned = isinstance(first, Mount) and abs(first.T_robot_laser[2]) > config.max_yaw
     if turned or tracked.matched_share < config.min_matched:

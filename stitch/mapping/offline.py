@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,12 +12,10 @@ from slam.graph.odometry_factors import odometry_graph
 from slam.mapping import keyframes
 from slam.odometry.dead_reckoning import DeadReckoning
 from slam.odometry.ego_motion_filter import remove_co_moving_points
-from slam.odometry.laser_mount import Mount, NoMount, find_mount
-from slam.odometry.odometry_faults import OdometryFaults, find_faults
-from slam.odometry.recovering_tracker import is_contradicted, track_recovering
+from slam.odometry.laser_mount import Mount, find_mount
+from slam.odometry.mending import track_mended
 from slam.odometry.segmentation import Segment, segments
 from slam.odometry.track import Track, Verdict
-from slam.odometry.tracker import track
 from slam.recording import Recording
 from slam.scan import Scan, scans_of
 from slam.se2 import Array
@@ -41,52 +39,19 @@ def map_recording(
     The laser's mount is estimated where nobody states it. Without dead reckoning a map that knows it is lost
     is refused: `NoEstimate` says why. ``revise`` is for ablations: what it makes of the closed loops counts.
     """
-    drive, faults = _track_believably(recording, config)
-    stitch = partial(align, config=config.loops.align)
-    estimate = build_map(drive.recording, drive.scans, drive.track, config, stitch, revise)
-    reason = rejection_reason(estimate, config.rejection) if recording.source == "none" else None
-    if reason:
-        return NoEstimate("slamstitch", reason)
-    mount = drive.mount if isinstance(drive.mount, Mount) else None
-    return replace(estimate, laser_mount=mount, odometry_faults=faults)
-
-
-@dataclass(frozen=True)
-class _Drive:
-    """A recording with the laser where it was found to sit, its scans, and the front end's track."""
-
-    recording: Recording
-    scans: Sequence[Scan]
-    track: Track
-    mount: Mount | NoMount
-
-
-def _track_believably(recording: Recording, config: MappingConfig) -> tuple[_Drive, OdometryFaults | None]:
-    """The drive tracked; where matches contradict its odometry, with that corrected by what is wrong with it
-    throughout, and where they still do, with odometry doubted."""
-    drive = _track(recording, config)
-    if recording.source != "odometry" or not is_contradicted(drive.track, config.recovery):
-        return drive, None
-    drive = _recovered(drive, config)
-    faults = find_faults(drive.recording, drive.track, config.odometry_faults)
-    if not faults:
-        return drive, None
-    drive = _track(faults.corrected(recording), config)
-    return (_recovered(drive, config) if is_contradicted(drive.track, config.recovery) else drive), faults
-
-
-def _recovered(drive: _Drive, config: MappingConfig) -> _Drive:
-    tracked = track_recovering(drive.recording, config.frontend, config.recovery, drive.scans)
-    return replace(drive, track=tracked)
-
-
-def _track(recording: Recording, config: MappingConfig) -> _Drive:
-    mount = find_mount(recording, config.frontend, config.mount)
+    mount = find_mount(recording, config.frontend, config.mount, config.recovery, config.odometry_faults)
     if isinstance(mount, Mount):
         recording = recording.with_laser_mount(mount.T_robot_laser, "the drive")
     scans = scans_of(recording, config.frontend.scan)
     scans = remove_co_moving_points(recording, scans, config.ego_motion_filter)
-    return _Drive(recording, scans, track(recording, config.frontend, scans), mount)
+    drive = track_mended(recording, config.frontend, config.recovery, config.odometry_faults, scans)
+    stitch = partial(align, config=config.loops.align)
+    estimate = build_map(drive.recording, scans, drive.track, config, stitch, revise)
+    reason = rejection_reason(estimate, config.rejection) if recording.source == "none" else None
+    if reason:
+        return NoEstimate("slamstitch", reason)
+    found = mount if isinstance(mount, Mount) else None
+    return replace(estimate, laser_mount=found, odometry_faults=drive.faults)
 
 
 def build_map(
