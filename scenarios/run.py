@@ -278,7 +278,23 @@ def estimate(
     for name in methods:
         with stages.stage(name):
             answers.append(METHODS[name](recording, config))
+        tell_of_odometry(answers[-1], recording, stages)
     return answers
+
+
+def tell_of_odometry(answer: Estimate | NoEstimate, recording: Recording, stages: Stages) -> None:
+    """In a line what a method found wrong with a wheel odometry."""
+    from stitch.mapping.estimate import Estimate
+
+    if not isinstance(answer, Estimate) or answer.track is None or recording.source != "odometry":
+        return
+    told = [f"it is {answer.odometry_faults}, which was corrected"] if answer.odometry_faults else []
+    if doubted := int(answer.track.contradicted.sum()):
+        told.append(f"matches contradict it at {doubted} of {len(recording)} scans")
+    if told:
+        stages.console.print(
+            f"odometry: {'; '.join(told)} ({answer.method})", highlight=False, soft_wrap=True
+        )
 
 
 def with_answer(answers: Sequence[Estimate | NoEstimate]) -> list[Estimate]:
