@@ -45,13 +45,13 @@ class OdometryFaults:
         return self.delay != 0 or bool(self.backwards.any())
 
     def __str__(self) -> str:
-        late = f"{abs(self.delay)} scans {'late' if self.delay > 0 else 'early'}" if self.delay else ""
-        sign = (
-            f"without sign ({np.count_nonzero(self.backwards)} steps backwards)"
-            if self.backwards.any()
-            else ""
-        )
-        return " and ".join(part for part in (late, sign) if part) or "as recorded"
+        parts = []
+        if self.delay:
+            scans = "1 scan" if abs(self.delay) == 1 else f"{abs(self.delay)} scans"
+            parts.append(f"{scans} {'late' if self.delay > 0 else 'early'}")
+        if self.backwards.any():
+            parts.append(f"without sign ({np.count_nonzero(self.backwards)} steps backwards)")
+        return " and ".join(parts) or "as recorded"
 
     def corrected(self, recording: Recording) -> Recording:
         """The recording with dead reckoning moved by the delay and turned round where it drove backwards;
