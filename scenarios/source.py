@@ -125,9 +125,7 @@ def with_estimated_mount(found: Source, config: MappingConfig) -> tuple[Source, 
     from slam import se2
     from slam.odometry.laser_mount import Mount, find_mount
 
-    mount = find_mount(
-        found.recording, config.frontend, config.mount, config.recovery, config.odometry_faults
-    )
+    mount = find_mount(found.recording, config.frontend, config.mount, config.mending)
     if not isinstance(mount, Mount):  # nothing needs to look again
         at_origin = found.recording.laser.T_robot_laser
         return replace(found, recording=found.recording.with_laser_mount(at_origin, mount.reason)), mount

@@ -12,15 +12,14 @@ whose estimate counts: by then dead reckoning pulls the matches nowhere.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
 
 from slam import se2
-from slam.odometry.mending import track_mended
-from slam.odometry.odometry_faults import OdometryFaultConfig
-from slam.odometry.recovery import RecoveryConfig
+from slam.odometry.mending import MendingConfig, mend
+from slam.odometry.recovering_tracker import is_contradicted
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import FrontendConfig, track
 from slam.recording import Recording
@@ -113,14 +112,16 @@ def find_mount(
     recording: Recording,
     frontend: FrontendConfig = FrontendConfig(),
     config: LaserMountConfig = LaserMountConfig(),
-    recovery: RecoveryConfig = RecoveryConfig(),
-    faults: OdometryFaultConfig = OdometryFaultConfig(),
+    mending: MendingConfig = MendingConfig(),
 ) -> Mount | NoMount:
     """Where the drive says that its laser sits, if nobody states it; its odometry may lie."""
     if not (config.estimate and is_mount_unstated(recording)):
         return STATED
-    drive = track_mended(recording, frontend, recovery, faults)
+    two_ways = replace(mending, faults=replace(mending.faults, min_backwards=0))  # a laser may look back
+    drive = mend(recording, frontend, two_ways)
     recording, tracked = drive.recording, drive.track
+    if drive.faults is None and is_contradicted(tracked, mending.recovery):
+        tracked = track(recording, frontend)  # it may be the mount that lies
     first = estimate_mount(recording, tracked, config)
     turned = isinstance(first, Mount) and abs(first.T_robot_laser[2]) > config.max_yaw
     if turned or tracked.matched_share < config.min_matched:
@@ -182,7 +183,7 @@ def _judged(scale: float, mount: Array, covariance: Array, config: LaserMountCon
 def _steps(recording: Recording, track: Track, config: LaserMountConfig) -> tuple[Array, Array]:
     """Relative poses ``(n, 3)`` between scans that were matched well, of laser and robot."""
     poses = recording.dead_reckoning
-    seen = (track.verdict == Verdict.MATCHED) & (_match_sigma(track.information) < config.max_match_sigma)
+    seen = (track.verdict == Verdict.MATCHED) & (track.place_sigma < config.max_match_sigma)
     pairs, anchor = [], 0
     for k in range(1, len(track)):
         if track.verdict[k] == Verdict.SKIPPED:
@@ -199,15 +200,6 @@ def _steps(recording: Recording, track: Track, config: LaserMountConfig) -> tupl
     before, after = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     laser = se2.compose(track.poses, recording.laser.T_robot_laser)
     return se2.between(laser[before], laser[after]), se2.between(poses[before], poses[after])
-
-
-def _match_sigma(information: Array) -> Array:
-    """Standard deviation ``(N,)`` m of a match's place in its weakest direction, its yaw being unknown; of
-    what says nothing, infinite."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turning = np.einsum("ni,nj->nij", information[:, :2, 2], information[:, 2, :2])
-        place = information[:, :2, :2] - np.nan_to_num(turning / information[:, 2, 2, None, None])
-        return 1.0 / np.sqrt(np.maximum(np.linalg.eigvalsh(place)[:, 0], 0.0))
 
 
 def _equations(moved_laser: Array, moved_robot: Array) -> tuple[Array, Array]:

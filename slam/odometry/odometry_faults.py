@@ -27,6 +27,8 @@ class OdometryFaultConfig:
     min_backwards: int = 3
     """Steps of an odometry that knows one way only which matches see the other way round, from which its sign
     is believed to be lost; 0: never."""
+    max_backwards: float = 0.5
+    """Share of the steps seen the other way round above which it is the laser that is mounted so."""
     sign_tolerance: float = 0.3
     """Share of a step's length by which it may differ from one the other way round."""
     least_step: float = 0.03
@@ -113,5 +115,6 @@ def _backwards(seen: Array, told: Array, both: np.ndarray, config: OdometryFault
     turned = np.abs(seen[:, 0] + told[:, 0]) < config.sign_tolerance * np.abs(told[:, 0])
     opposed = long & turned
     one_way = np.all(told[:, 0] > -config.least_step) or np.all(told[:, 0] < config.least_step)
-    lost = one_way and 0 < config.min_backwards <= np.count_nonzero(opposed)
+    count = np.count_nonzero(opposed)
+    lost = one_way and 0 < config.min_backwards <= count < config.max_backwards * np.count_nonzero(long)
     return opposed if lost else np.zeros(len(told), dtype=bool)

@@ -53,5 +53,15 @@ class Track:
         tried = self.verdict != Verdict.SKIPPED
         return float(np.mean(self.verdict[tried] == Verdict.MATCHED)) if np.any(tried) else 1.0
 
+    @property
+    def place_sigma(self) -> Array:
+        """Standard deviation ``(N,)`` m of a match's place in its weakest direction, its yaw being unknown;
+        of what says nothing, infinite."""
+        information = self.information
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turning = np.einsum("ni,nj->nij", information[:, :2, 2], information[:, 2, :2])
+            place = information[:, :2, :2] - np.nan_to_num(turning / information[:, 2, 2, None, None])
+            return 1.0 / np.sqrt(np.maximum(np.linalg.eigvalsh(place)[:, 0], 0.0))
+
     def __len__(self) -> int:
         return len(self.poses)

@@ -10,8 +10,7 @@ from slam.graph.odometry_factors import OdometryFactorConfig
 from slam.mapping.keyframes import KeyframeConfig
 from slam.odometry.ego_motion_filter import EgoMotionFilterConfig
 from slam.odometry.laser_mount import LaserMountConfig
-from slam.odometry.odometry_faults import OdometryFaultConfig
-from slam.odometry.recovery import RecoveryConfig
+from slam.odometry.mending import MendingConfig
 from slam.odometry.segmentation import SegmentationConfig
 from slam.odometry.tracker import FrontendConfig
 from stitch.mapping.bundle import BundleConfig
@@ -55,10 +54,8 @@ class MappingConfig:
 
     mount: LaserMountConfig = field(default_factory=LaserMountConfig)
     """Where the laser sits, if nobody states it."""
-    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
-    """Tracking where matches contradict a wheel odometry."""
-    odometry_faults: OdometryFaultConfig = field(default_factory=OdometryFaultConfig)
-    """What is wrong with a wheel odometry that matches contradict."""
+    mending: MendingConfig = field(default_factory=MendingConfig)
+    """What is made of a wheel odometry that is worse or better than it says."""
     ego_motion_filter: EgoMotionFilterConfig = field(default_factory=EgoMotionFilterConfig)
     """What moves with the robot."""
     frontend: FrontendConfig = field(default_factory=FrontendConfig)

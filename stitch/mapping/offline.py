@@ -39,14 +39,15 @@ def map_recording(
     The laser's mount is estimated where nobody states it. Without dead reckoning a map that knows it is lost
     is refused: `NoEstimate` says why. ``revise`` is for ablations: what it makes of the closed loops counts.
     """
-    mount = find_mount(recording, config.frontend, config.mount, config.recovery, config.odometry_faults)
+    mount = find_mount(recording, config.frontend, config.mount, config.mending)
     if isinstance(mount, Mount):
         recording = recording.with_laser_mount(mount.T_robot_laser, "the drive")
     scans = scans_of(recording, config.frontend.scan)
     scans = remove_co_moving_points(recording, scans, config.ego_motion_filter)
-    drive = track_mended(recording, config.frontend, config.recovery, config.odometry_faults, scans)
+    drive = track_mended(recording, config.frontend, config.mending, scans)
     stitch = partial(align, config=config.loops.align)
-    estimate = build_map(drive.recording, scans, drive.track, config, stitch, revise)
+    reckoned = replace(config, frontend=replace(config.frontend, dead_reckoning=drive.reckoning))
+    estimate = build_map(drive.recording, scans, drive.track, reckoned, stitch, revise)
     reason = rejection_reason(estimate, config.rejection) if recording.source == "none" else None
     if reason:
         return NoEstimate("slamstitch", reason)

@@ -71,7 +71,7 @@ def replay_online(recording: Recording, config: MappingConfig = MappingConfig())
     The laser's mount is found, and a map that knows it is lost refused, as in `map_recording`. Stamps that go
     backwards, as some logs' do, are held at the last one's.
     """
-    mount = find_mount(recording, config.frontend, config.mount, config.recovery, config.odometry_faults)
+    mount = find_mount(recording, config.frontend, config.mount, config.mending)
     if isinstance(mount, Mount):
         recording = recording.with_laser_mount(mount.T_robot_laser, "the drive")
     mapper = OnlineMapper(recording.laser, recording.angles, config, recording.source)

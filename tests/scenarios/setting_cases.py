@@ -179,8 +179,9 @@ CASES = {
 PLACES = {
     "slam.frontend.scan.neighbourhood": Case(0.1),
     "slam.frontend.match.robust": Case(1.0),
-    "slam.recovery.min_contradictions": Case(0, "frozen"),
-    "slam.odometry_faults.min_backwards": Case(0, "unsigned"),
+    "slam.mending.recovery.min_contradictions": Case(0, "frozen"),
+    "slam.mending.noise.max_scale": Case(0.0, "exact", given={"slam.mending.noise.min_steps": 10}),
+    "slam.mending.faults.min_backwards": Case(0, "unsigned"),
     "slam.loops.align.search.blur": Case(2.0),
     "slam.loops.gnc.inlier_probability": Case(
         1e-3, "stubborn", "poses", {**SHORT, "slam.online.max_innovation": 0.0}

@@ -26,6 +26,7 @@ from slam.mapping.submap import Submap
 from slam.matching import MatchConfig
 from slam.odometry.ego_motion_filter import remove_co_moving_points
 from slam.odometry.odometry_faults import OdometryFaultConfig
+from slam.odometry.odometry_noise import OdometryNoiseConfig
 from slam.odometry.recovery import RecoveryConfig
 from slam.odometry.tracker import track
 from slam.recording import Laser, Recording, Source
@@ -46,6 +47,7 @@ ELSEWHERE: dict[type, tuple[str, str]] = {
     GncConfig: ("slam/graph/test_gauss_newton.py", "CHANGED"),
     AlignConfig: ("stitch/alignment/test_config.py", "CASES"),
     RecoveryConfig: ("slam/odometry/test_recovering_tracker.py", "CHANGED"),
+    OdometryNoiseConfig: ("slam/odometry/test_odometry_noise.py", "CHANGED"),
     OdometryFaultConfig: ("slam/odometry/test_odometry_faults.py", "CHANGED"),
 }
 """Classes whose settings have their cases beside the stage: the test's file, and what it calls them."""
@@ -107,8 +109,8 @@ def rows_of(recording: Recording, rows: np.ndarray) -> Recording:
 
 
 def unsigned(recording: Recording) -> Recording:
-    """There and back in reverse, with wheels that do not know which way they turn."""
-    there_and_back = replace(rows_of(recording, np.r_[0:30, 29:-1:-1]), time=recording.time)
+    """There and half the way back in reverse, with wheels that do not know which way they turn."""
+    there_and_back = replace(rows_of(recording, np.r_[0:40, 39:19:-1]), time=recording.time)
     steps = se2.between(there_and_back.dead_reckoning[:-1], there_and_back.dead_reckoning[1:])
     return reckoned(there_and_back, np.column_stack([np.abs(steps[:, 0]), steps[:, 1:]]))
 
@@ -139,6 +141,7 @@ def drives(room: Array) -> dict[str, Recording]:
         "jump": rows_of(whole, np.r_[0:22, 34:N]),
         "mounted": drive(room, "odometry", MOUNT, nowhere, nowhere),
         "unsigned": unsigned(drive(room, "odometry", here, nowhere, nowhere)),
+        "exact": replace(drive(room, "odometry", here, nowhere, nowhere), dead_reckoning=around()),
         "frozen": frozen(drive(room, "odometry", here, nowhere, nowhere), slice(20, 32)),
     }
 

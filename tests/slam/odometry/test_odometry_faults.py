@@ -84,6 +84,11 @@ def test_an_honest_odometry_is_left_alone() -> None:
     assert not unmatched
 
 
+def test_a_laser_that_looks_backwards_is_no_lost_sign() -> None:
+    steps = driven(backwards=0.0)
+    assert not find_faults(recorded(steps), seen(steps * [-1.0, 1.0, 1.0]))
+
+
 LATE, UNSIGNED = "late", "unsigned"
 CHANGED = {
     "max_delay": (0, LATE),
@@ -91,6 +96,7 @@ CHANGED = {
     "metre": (1e3, LATE),
     "cap": (1e-9, LATE),
     "min_backwards": (0, UNSIGNED),
+    "max_backwards": (0.01, UNSIGNED),
     "sign_tolerance": (1e-9, UNSIGNED),
     "least_step": (10.0, UNSIGNED),
 }
