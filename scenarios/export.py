@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from scenarios import source
+from scenarios.corruptions import Corrupt, corrupted, parse_corruptions
 from scenarios.options import check_seed
 from slam.cli import InputError, main
 
@@ -36,11 +37,15 @@ class Options:
     """What to write."""
     seed: Annotated[int, arg(metavar="K")] = 0
     """Which of a scenario's drives to simulate."""
+    corrupt: Corrupt = ()
+    """Spoil the recording first, as `python -m scenarios.run` does; the log then has one pose of dead
+    reckoning for every scan."""
 
 
 def run(options: Options) -> None:
     """Obtain the recording, write it, and say what was written on stdout."""
     check_seed(options.seed)
+    corruptions = parse_corruptions(options.corrupt)
     if not options.out.parent.is_dir():
         raise InputError(f"{options.out.parent}: no such folder")
     if options.out.exists():
@@ -49,6 +54,7 @@ def run(options: Options) -> None:
         recording = source.simulated(options.recording, options.seed).recording
     else:
         recording = source.logged(Path(options.recording), None, None).recording
+    recording = corrupted(recording, corruptions, options.seed)
     try:
         written = write(recording, options.format, options.out)
     except (ValueError, OSError) as error:  # beams the format cannot say, a disk that is full

@@ -15,6 +15,8 @@ import tyro
 from tyro.conf import Positional, arg
 
 from scenarios.catalogue import CATALOGUE
+from scenarios.corruptions import Corrupt, corrupted, name_part, parse_corruptions, told
+from scenarios.corruptions import table as table_of_corruptions
 from scenarios.methods import COMPARED, METHODS, ONLINE, load_kernels
 from scenarios.options import check_seed, parse_names
 from slam.cli import POSE, InputError, Pose, main
@@ -74,6 +76,11 @@ class Options:
     no_dead_reckoning: Annotated[bool, arg(help_behavior_hint="")] = False
     """Take no notice of the dead reckoning: the laser alone tells how the robot moved. Methods that rest on
     it have no answer then."""
+    corrupt: Corrupt = ()
+    """Spoil the recording before anything else is done with it, as odometry.frozen=3; may be given several
+    times, in this order. --list-corruptions tells which there are; --seed also draws what is spoilt."""
+    list_corruptions: Annotated[bool, arg(help_behavior_hint="")] = False
+    """Print every corruption with what it does, the meaning of its severity, its default and its range."""
     matcher: Annotated[str, arg(metavar="NAME|MODULE:FUNCTION", help_behavior_hint="")] = ""
     """Scan matcher of slamstitch's front end: plicp (its own), wsm, icp, or a function of your module."""
     config: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
@@ -93,6 +100,9 @@ def run(options: Options) -> None:
         return
     if options.list_settings:
         print_settings(options)
+        return
+    if options.list_corruptions:
+        table_of_corruptions().print()
         return
     methods, name = checked(options)
     if options.view:
@@ -152,7 +162,8 @@ def checked(options: Options) -> tuple[list[str], str]:
         raise InputError("--dead-reckoning is for simulated robots: a log has what it has")
     if options.start and not (simulates and is_map(options.recording)):
         raise InputError("--start is for ROS maps: scenarios and logs have a start of their own")
-    return methods, f"{run_name(options.recording)}-seed{options.seed}"
+    spoilt = name_part(parse_corruptions(options.corrupt))
+    return methods, f"{run_name(options.recording)}{spoilt}-seed{options.seed}"
 
 
 def run_name(target: str) -> str:
@@ -196,10 +207,14 @@ def obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
     found = _obtain(options, config, stages)
     if options.no_dead_reckoning:
         found = replace(found, recording=found.recording.without_dead_reckoning())
+    for line in told(found.recording):
+        stages.console.print(f"spoilt on purpose: {line}", highlight=False, soft_wrap=True)
     if found.recording.source == "none":
         why = (
             "--no-dead-reckoning"
             if options.no_dead_reckoning
+            else "odometry.missing"
+            if "odometry.missing" in found.recording.corruptions
             else "none in the log, or one that never changes"
         )
         stages.console.print(f"no dead reckoning ({why}): the laser alone tells how the robot moved")
@@ -215,7 +230,7 @@ def _obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
         with stages.stage("simulate"):
             found = source.simulated(options.recording, options.seed, options.start, options.dead_reckoning)
         stages.console.print(f"the drive ended: {found.settings['ending']}", style="dim", highlight=False)
-        return found
+        return _spoilt(found, options)
     with stages.stage("read"):
         found = source.logged(
             Path(options.recording),
@@ -225,11 +240,18 @@ def _obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
             topic=options.topic,
             odometry=options.odometry,
         )
+    found = _spoilt(found, options)
     tell_of_compilation(stages)
     if not options.no_dead_reckoning and is_mount_unstated(found.recording):
         found = _with_mount(found, config, stages)
     tell_what_was_taken(found.recording, stages)
     return found
+
+
+def _spoilt(found: Source, options: Options) -> Source:
+    """The recording with the corruptions that are asked for. Raises `InputError`."""
+    corruptions = parse_corruptions(options.corrupt)
+    return replace(found, recording=corrupted(found.recording, corruptions, options.seed))
 
 
 def _with_mount(found: Source, config: MethodConfig, stages: Stages) -> Source:
@@ -340,6 +362,7 @@ def described(
         "command": shlex.join(["python", "-m", COMMAND, *sys.argv[1:]]),
         "options": asdict(options),
         "fingerprint": fingerprint,
+        "corruptions": source.recording.corruptions,
         "scenario": source.settings,
         "methods": config,
     }

@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from sim import cells, corruption, traversal
-from sim.corruption import Effects
+from sim import cells, laser_effects, traversal
+from sim.laser_effects import Effects
 from sim.smoke import Haze, Smoke
 from sim.terrain import Terrain
 from sim.terrain_kernels import beam_directions, build_ground, heights_at
@@ -228,6 +228,6 @@ class Scanner:
             ranges, cosines = seen.cast(poses, spread.ravel(), reach, ranges, cosines)
         haze = None if smoke is None else Haze(smoke.field, poses, self.angles + self.mount[2])
         shape, limits = (len(poses), *spread.shape), (self.range_min, self.range_max)
-        return corruption.corrupt(
+        return laser_effects.corrupt(
             ranges.reshape(shape), cosines.reshape(shape), self.effects, limits, rng, haze
         )

@@ -85,6 +85,7 @@ class Recording:
     body frame; with ``"none"`` there is no dead reckoning, and its poses are all the same. ``attitude
     (N, 2)`` is (roll, pitch) rad as the INS says, ``truth (N, 3)`` robot poses of a simulator or tracker.
     ``notes``: what reading it took of a log that holds more, assumed, or left out; the laser first.
+    ``corruptions``: what was spoilt on purpose; dead reckoning is then no longer the full-rate odometry's.
 
     Raises ``ValueError`` when shapes disagree or a value that must be finite is not.
     """
@@ -101,6 +102,7 @@ class Recording:
     truth: Array | None = None
     relations: Relations | None = None
     notes: tuple[str, ...] = ()
+    corruptions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n, b = len(self.time), len(self.angles)
@@ -129,6 +131,12 @@ class Recording:
     def distance(self) -> float:
         """Distance driven [m]: along the truth where there is one, else along the dead reckoning."""
         return float(se2.path_length(self.dead_reckoning if self.truth is None else self.truth)[-1])
+
+    @property
+    def full_rate(self) -> Odometry | None:
+        """The full-rate odometry where the dead reckoning at the scans is taken from it: None where there is
+        none, and where something was spoilt on purpose."""
+        return None if self.source == "none" or self.corruptions else self.odometry
 
     def without_dead_reckoning(self) -> Recording:
         """The same drive, its laser alone having watched: dead reckoning says nothing.

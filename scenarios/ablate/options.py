@@ -157,6 +157,36 @@ class MethodsOptions(StudyOptions):
 
 
 @dataclass(frozen=True)
+class RobustnessOptions(StudyOptions):
+    """What each corruption of a recording does to the answers of the methods, as ratios to the clean drives.
+
+    Spoil every drive in every way at three severities, one at a time, and let every method map it. Errors are
+    ate_rmse where there is truth, else relation_trans_mean. Writes results.csv, ratios.png and index.html.
+    What there is to spoil: `python -m scenarios.run --list-corruptions`.
+    """
+
+    scenarios: str = "hospital,office_smoke"
+    """Scenarios of the catalogue, with commas between; "" for none, where there are logs."""
+    seeds: str = "70-74"
+    """Seeds of the drives and of what spoils them: how many, counted from 0; or first-last; or numbers with
+    commas between. A log is spoilt anew by each seed where chance has a part."""
+    out: Folder = Path("runs/ablate-robustness")
+    """A folder for results.csv, the page and sweep.sqlite, from which an interrupted sweep goes on."""
+    logs: str = ""
+    """Files of recordings, with commas between."""
+    relations: str = ""
+    """Files of relations, one for each log, with commas between; nothing between two for a log with truth."""
+    kinds: str = ""
+    """Corruptions by name, with commas between; all without a name."""
+    severities: str = "low,medium,high"
+    """Which of the three severities, with commas between."""
+    methods: str = "ins,wsm,slamstitch"
+    """Methods by name, with commas between."""
+    format: Format = "table"
+    """What is printed on stdout."""
+
+
+@dataclass(frozen=True)
 class SegmentationOptions(StudyOptions):
     """Which measure knows that the robot is lost, and what its cuts are worth to the map.
 
@@ -217,6 +247,7 @@ STUDIES: dict[str, type] = {
     "halmstad": HalmstadOptions,
     "likeness": LikenessOptions,
     "methods": MethodsOptions,
+    "robustness": RobustnessOptions,
     "ros_maps": RosMapsOptions,
     "segmentation": SegmentationOptions,
     "stitching": StitchingOptions,

@@ -130,7 +130,8 @@ def _of_run(folder: Path) -> Iterator[MethodResult]:
     page = folder / "report.html" if (folder / "report.html").is_file() else None
     for method in dict.fromkeys(metric.method for metric in metrics):
         values = {m.name: m.value for m in metrics if m.method == method and m.value is not None}
-        scenario, seed = str(content["recording"]), int(content["seed"])
+        spoilt = map(str, content.get("corruptions", ()))
+        scenario, seed = " + ".join([str(content["recording"]), *spoilt]), int(content["seed"])
         yield MethodResult(scenario, seed, method, values, page, folder.parent.name)
 
 

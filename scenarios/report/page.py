@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from scenarios.corruptions import told
 from scenarios.evaluation.metric import Metric
 from scenarios.methods import BASELINE, OURS
 from scenarios.report.figures import FigureSpec, run_specs, write_figures
@@ -64,6 +65,7 @@ def render(
         live = Markup(script_safe(live_content(recording, estimates, first, simulated)))
     return template("report.html.j2").render(
         recording=recording,
+        spoilt=told(recording),
         verdict=verdict(metrics, estimates),
         scores=scores(judged, table.methods),
         judged=judged and judged.words[0].upper() + judged.words[1:],

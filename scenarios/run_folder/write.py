@@ -53,6 +53,7 @@ class Run:
         content = {
             "schema": SCHEMA,
             "recording": self.recording.name,
+            "corruptions": list(self.recording.corruptions),
             "seed": self.seed,
             "scans": len(self.recording),
             "distance_m": round(self.recording.distance, 3),

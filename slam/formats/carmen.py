@@ -173,19 +173,19 @@ def write(path: str | PathLike[str], recording: Recording) -> None:
         f"PARAM {DEAD_RECKONING} {recording.source} 0 slamstitch 0",
         f"PARAM {RANGE_MINIMUM} {recording.laser.range_min!r} 0 slamstitch 0",
     ]
-    logged = 0
+    logged, full_rate = 0, recording.full_rate
     for k, stamp in enumerate(recording.time.tolist()):
-        if recording.odometry is not None:
-            upto = int(recording.odometry.scan_row[k]) + 1
-            lines += _odometry_lines(recording.odometry, logged, upto)
+        if full_rate is not None:
+            upto = int(full_rate.scan_row[k]) + 1
+            lines += _odometry_lines(full_rate, logged, upto)
             logged = max(logged, upto)
         lines += _pose_lines(recording, k, stamp)
         beams = " ".join([f"{r:.{RANGE_DECIMALS}f}" for r in ranges[k].tolist()])
         laser = se2.compose(recording.dead_reckoning[k], recording.laser.T_robot_laser)
         poses = _spaced(*laser, *recording.dead_reckoning[k])
         lines.append(f"ROBOTLASER1 {geometry} {beams} 0 {poses} 0 0 0 0 0 {_stamped(stamp)}")
-    if recording.odometry is not None:
-        lines += _odometry_lines(recording.odometry, logged, len(recording.odometry.time))
+    if full_rate is not None:
+        lines += _odometry_lines(full_rate, logged, len(full_rate.time))
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

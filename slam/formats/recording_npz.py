@@ -40,6 +40,7 @@ OPTIONAL = (
     "scan_row",
     "relation_stamps",
     "relation_T_12",
+    "corruptions",
 )
 
 
@@ -94,6 +95,7 @@ def _arrays(recording: Recording) -> dict[str, object]:
         "attitude": recording.attitude,
         "truth": recording.truth,
         "mount_source": laser.mount_source or None,
+        "corruptions": recording.corruptions or None,
     }
     if recording.odometry is not None:
         arrays["odometry_time"] = recording.odometry.time
@@ -133,4 +135,5 @@ def _recording(arrays: dict[str, np.ndarray]) -> Recording:
         attitude=arrays.get("attitude"),
         truth=arrays.get("truth"),
         relations=relations,
+        corruptions=tuple(arrays["corruptions"].tolist()) if "corruptions" in arrays else (),
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.corruption import Effects
 from sim.floorplan import Prism, box, stone
 from sim.laser import MovingObstacles, Raycaster, Scanner
+from sim.laser_effects import Effects
 from sim.terrain import Terrain
 from sim.world import Debris, Person, World
 from slam import se2

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.corruption import Effects
 from sim.dead_reckoning import InertialConfig, OdometryConfig
 from sim.driver import Driver, DriverConfig, resample
 from sim.floorplan import box, wall
 from sim.laser import Scanner
+from sim.laser_effects import Effects
 from sim.record import Setup, drive, simulate
 from sim.robot import RobotConfig
 from sim.smoke import Smoke

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.corruption import Effects
 from sim.floorplan import box
 from sim.laser import Raycaster, Scanner
+from sim.laser_effects import Effects
 from sim.terrain import Terrain
 from sim.world import World
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.corruption import Effects
 from sim.floorplan import wall
 from sim.laser import Scanner
+from sim.laser_effects import Effects
 from sim.smoke import Haze, Smoke
 from sim.terrain import Terrain
 from sim.terrain_kernels import heights_at

@@ -71,7 +71,8 @@ def _check(recording: Recording, path: Path) -> None:
     angles = recording.angles
     if len(angles) < 2 or not np.allclose(np.diff(angles), (angles[-1] - angles[0]) / (len(angles) - 1)):
         raise ValueError("a LaserScan needs at least two beams, evenly spaced")
-    earliest = recording.time.min() if recording.odometry is None else recording.odometry.time.min()
+    full_rate = recording.full_rate
+    earliest = recording.time.min() if full_rate is None else full_rate.time.min()
     if min(earliest, recording.time.min()) < 0.0:
         raise ValueError("a ROS bag needs times >= 0 s")
 
@@ -97,8 +98,8 @@ class Messages:
 
     def of(self, recording: Recording) -> Iterator[tuple[str, float, Any]]:
         """Topic, stamp [s] and message, in the order in which the robot would have logged them."""
-        odometry = recording.odometry
-        if odometry is None or recording.source == "none":
+        odometry = recording.full_rate
+        if odometry is None:
             odometry = Odometry(recording.time, recording.dead_reckoning, np.arange(len(recording)))
         start = float(recording.time[0])
         yield TF_STATIC, start, self.tf(start, BASE, LASER, recording.laser.T_robot_laser)

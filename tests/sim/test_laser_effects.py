@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.corruption import Effects, corrupt
+from sim.laser_effects import Effects, corrupt
 
 LIMITS = (0.1, 4.0)
 NONE = Effects(mixed_pixels=False, dropouts=False, noise=False, quantisation=False, limits=False)

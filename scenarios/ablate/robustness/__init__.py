@@ -1,0 +1,1 @@
+"""What each corruption of a recording does to the answers of the methods."""
