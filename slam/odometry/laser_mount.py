@@ -120,7 +120,7 @@ def find_mount(
     two_ways = replace(mending, faults=replace(mending.faults, min_backwards=0))  # a laser may look back
     drive = mend(recording, frontend, two_ways)
     recording, tracked = drive.recording, drive.track
-    if drive.faults is None and is_contradicted(tracked, mending.recovery):
+    if drive.faults is None and is_contradicted(recording, tracked, mending.recovery):
         tracked = track(recording, frontend)  # it may be the mount that lies
     first = estimate_mount(recording, tracked, config)
     turned = isinstance(first, Mount) and abs(first.T_robot_laser[2]) > config.max_yaw

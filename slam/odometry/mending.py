@@ -45,7 +45,7 @@ def track_mended(
     """A drive mended, and where its matches find the wheels far better than usual, with that noise."""
     drive = mend(recording, frontend, config, scans)
     scale = 1.0
-    if recording.source == "odometry" and not is_contradicted(drive.track, config.recovery):
+    if recording.source == "odometry" and not is_contradicted(drive.recording, drive.track, config.recovery):
         scale = noise_scale(drive.recording, drive.track, drive.reckoning, config.noise)
     if scale == 1.0:
         return drive
@@ -67,7 +67,7 @@ def mend(
     """
     scans = scans_of(recording, frontend.scan) if scans is None else scans
     drive = MendedDrive(recording, track(recording, frontend, scans), frontend.dead_reckoning)
-    if recording.source != "odometry" or not is_contradicted(drive.track, config.recovery):
+    if recording.source != "odometry" or not is_contradicted(recording, drive.track, config.recovery):
         return drive
     doubting = track_recovering(recording, frontend, config.recovery, scans)
     faults = find_faults(recording, doubting, config.faults)
@@ -75,6 +75,6 @@ def mend(
         return replace(drive, track=doubting)
     mended = faults.corrected(recording)
     plain = track(mended, frontend, scans)
-    if is_contradicted(plain, config.recovery):
+    if is_contradicted(mended, plain, config.recovery):
         plain = track_recovering(mended, frontend, config.recovery, scans)
     return MendedDrive(mended, plain, frontend.dead_reckoning, faults)

@@ -17,7 +17,7 @@ from slam import se2
 from slam.matching import Match, NoMatch, match
 from slam.matching.free_space import Sight
 from slam.measurements import Measurements
-from slam.odometry.recovery import Fit, RecoveryConfig, saw_motion
+from slam.odometry.recovery import Fit, RecoveryConfig, frozen_scans, saw_motion
 from slam.odometry.tilt import tilted_scans
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import ALWAYS, FrontendConfig, Seed, Tracker
@@ -31,10 +31,11 @@ FIT_WINDOW = 100
 """… matches whose median it is then."""
 
 
-def is_contradicted(track: Track, config: RecoveryConfig) -> bool:
-    """Whether matches contradict dead reckoning more often than on any honest drive."""
+def is_contradicted(recording: Recording, track: Track, config: RecoveryConfig) -> bool:
+    """Whether what the laser saw contradicts dead reckoning more often than on any honest drive."""
     enough = max(config.min_contradictions, config.min_contradicted_share * len(track))
-    return config.min_contradictions > 0 and int(np.count_nonzero(track.contradicted)) >= enough
+    contradicted = track.contradicted | frozen_scans(recording, config)
+    return config.min_contradictions > 0 and int(np.count_nonzero(contradicted)) >= enough
 
 
 def track_recovering(

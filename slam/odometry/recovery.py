@@ -10,6 +10,7 @@ import numpy as np
 from slam import se2
 from slam.matching import Match, NoMatch
 from slam.matching.free_space import Sight, violations
+from slam.recording import Recording
 from slam.scan import Scan
 from slam.se2 import Array
 
@@ -24,7 +25,8 @@ class RecoveryConfig:
     """
 
     min_contradictions: int = 3
-    """Matches that dead reckoning contradicts from which the drive is tracked anew; 0: never …"""
+    """Matches that contradict dead reckoning, and steps that it does not see though the laser moved, from
+    which the drive is tracked anew; 0: never …"""
     min_contradicted_share: float = 0.0025
     """… where they are more than this share of the scans: on honest logs there is at most one."""
     prior_inflation: float = 25.0
@@ -68,6 +70,15 @@ def saw_motion(before: Array, after: Array, config: RecoveryConfig) -> bool:
     both = np.isfinite(before) & np.isfinite(after)
     changed = np.abs(before[both] - after[both]) > config.changed_range
     return len(changed) >= config.min_beams and float(np.mean(changed)) > config.changed_share
+
+
+def frozen_scans(recording: Recording, config: RecoveryConfig) -> np.ndarray:
+    """Scans ``(N,)`` bool since the last of which dead reckoning stood still though the laser moved."""
+    steps = np.abs(se2.between(recording.dead_reckoning[:-1], recording.dead_reckoning[1:]))
+    frozen = np.zeros(len(recording), dtype=bool)
+    for k in np.flatnonzero(np.all(steps < config.still, axis=1)) + 1:
+        frozen[k] = saw_motion(recording.ranges[k - 1], recording.ranges[k], config)
+    return frozen
 
 
 @dataclass(frozen=True)

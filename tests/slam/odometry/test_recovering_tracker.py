@@ -13,7 +13,7 @@ from slam import se2
 from slam.matching import Match
 from slam.matching.free_space import Sight
 from slam.odometry.recovering_tracker import is_contradicted, track_recovering
-from slam.odometry.recovery import Fit, RecoveryConfig, saw_motion
+from slam.odometry.recovery import Fit, RecoveryConfig, frozen_scans, saw_motion
 from slam.odometry.track import Track, Verdict
 from slam.odometry.tracker import FrontendConfig, track
 from slam.recording import Recording
@@ -97,11 +97,17 @@ def test_what_dead_reckoning_lies_about_the_laser_knows(
 def test_an_honest_dead_reckoning_is_not_doubted(honest: Recording, lying: Recording) -> None:
     config = RecoveryConfig()
     plain, doubting = track(honest), recovered(honest, RecoveryConfig())
-    assert not is_contradicted(plain, config)
+    assert not is_contradicted(honest, plain, config)
     assert not np.any(doubting.contradicted)
     assert np.max(off(doubting)) < 0.05
-    assert is_contradicted(track(lying), config)
-    assert not is_contradicted(track(lying), RecoveryConfig(min_contradictions=0))
+    assert is_contradicted(lying, track(lying), config)
+    assert not is_contradicted(lying, track(lying), RecoveryConfig(min_contradictions=0))
+
+
+def test_what_stands_still_though_the_laser_moved_is_frozen(honest: Recording, lying: Recording) -> None:
+    still = np.r_[FROZEN.start + 1 : FROZEN.stop + 1, CARRIED + 1]
+    np.testing.assert_array_equal(np.flatnonzero(frozen_scans(lying, RecoveryConfig())), still)
+    assert not np.any(frozen_scans(honest, RecoveryConfig()))
 
 
 def test_a_laser_that_stands_still_sees_no_motion(honest: Recording) -> None:
@@ -140,7 +146,7 @@ def outcome(name: str, recording: Recording, recover: Callable[..., Track], conf
     """What a setting decides."""
     ranges = recording.ranges
     if name.startswith("min_contra"):
-        return np.array([is_contradicted(track(recording), config)])
+        return np.array([is_contradicted(recording, track(recording), config)])
     if name in ("changed_share", "changed_range", "min_beams"):
         return np.array([saw_motion(ranges[5], ranges[6], config)])
     if name in ("violation_loss", "misfit_loss", "margin", "gap", "equal_share", "max_violations"):
