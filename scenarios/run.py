@@ -113,10 +113,12 @@ def run(options: Options) -> None:
     config, stages = configure(options), Stages(Console(stderr=True))
     source = obtain(options, config, stages)
     answers = estimate(source.recording, methods, config, stages)
-    estimates = [*with_answer(answers), *source.published]
+    with_answer(answers)
     with stages.stage("evaluate"):
-        metrics = evaluate(source.recording, [*answers, *source.published])
-        metrics += costs(answers, source.recording, stages)
+        answers = ask_themselves([*answers, *source.published], source.recording, config)
+        estimates = with_answer(answers)
+        metrics = evaluate(source.recording, answers)
+        metrics += costs(answers[: len(methods)], source.recording, stages)
     result = described(options, config, source, estimates, metrics, mark)
     from scenarios.report.page import write_report  # here: matplotlib is no part of what a method takes
 
@@ -281,6 +283,19 @@ def estimate(
     return answers
 
 
+def ask_themselves(
+    answers: Sequence[Estimate | NoEstimate], recording: Recording, config: MethodConfig
+) -> list[Estimate | NoEstimate]:
+    """The answers, each with whether its map agrees with itself."""
+    from scenarios.evaluation.self_consistency import with_self_consistency
+    from stitch.mapping.estimate import Estimate
+
+    asked = config.self_consistency
+    return [
+        with_self_consistency(one, recording, asked) if isinstance(one, Estimate) else one for one in answers
+    ]
+
+
 def with_answer(answers: Sequence[Estimate | NoEstimate]) -> list[Estimate]:
     """The answers that are some. Raises `InputError` where there is none, with every method's reason."""
     from stitch.mapping.estimate import Estimate
@@ -332,7 +347,7 @@ def described(
 
 def show(result: Run, form: str, folder: Path) -> None:
     """The results on stdout."""
-    from scenarios.report.summary import tabulate
+    from scenarios.report.summary import consistency_sentences, tabulate
 
     if form == "json":
         print(result.metrics_json())
@@ -340,6 +355,8 @@ def show(result: Run, form: str, folder: Path) -> None:
     recording = result.recording
     title = f"{recording.name}: {len(recording)} scans, {recording.distance:.0f} m"
     tabulate(result.metrics).to_table(title).print()
+    for sentence in consistency_sentences(result.estimates):
+        print(sentence)
     print(folder / "report.html")
 
 

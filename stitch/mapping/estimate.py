@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.graph.pose_graph import PoseGraph
+from slam.mapping.self_consistency import SelfConsistency
 from slam.mapping.submap import Submap
 from slam.odometry.laser_mount import Mount
 from slam.odometry.track import Track
@@ -60,7 +61,8 @@ class Estimate:
 
     ``covariance (N, 3, 3)`` are the marginals in the body frame, None where the method has none; ``online``
     is what a method answered that works scan by scan; ``laser_mount`` where the laser was found to sit, None
-    where that was stated or could not be told.
+    where that was stated or could not be told; ``consistency`` whether its map agrees with itself, None where
+    nobody asked.
     """
 
     method: str
@@ -73,6 +75,7 @@ class Estimate:
     graph_after: PoseGraph | None = None
     online: OnlineResult | None = None
     laser_mount: Mount | None = None
+    consistency: SelfConsistency | None = None
 
 
 @dataclass(frozen=True)
