@@ -15,8 +15,8 @@ DEFINITIONS = {
         "",
         "higher",
         "0 torn … 1 agrees with itself, told without truth",
-        "Bends that no second pass contradicts, shifts along walls that look alike, and that a drive came back "
-        "where its map has it elsewhere.",
+        "Bends that no second pass contradicts, shifts along walls that look alike, and that a drive came "
+        "back where its map has it elsewhere.",
     )
 }
 

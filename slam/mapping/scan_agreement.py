@@ -58,8 +58,8 @@ def misfit(a, b, angles, T_ab, gate, prior):
     shift is expected to be off by the scatter of the points; and the number of points that met.
 
     ``a`` and ``b (B, 4)`` are points [m] and normals of the beams at ``angles (B,)`` rad in the frame of
-    their laser, NaN for none. A point of b meets the beam of a at its bearing if their normals are less than 45°
-    apart and it is within ``gate`` m of that wall. Three steps of Gauss-Newton on the distances from a's
+    their laser, NaN for none. A point of b meets the beam of a at its bearing if their normals are less than
+    45° apart and it is within ``gate`` m of that wall. Three steps of Gauss-Newton on the distances from a's
     walls, weighed by Geman-McClure, with a ``prior (3,)`` of standard deviations: of a single distance m, and
     of the shift m and rad, which holds directions in which nothing is seen. The shift is the rms of what it
     moves the points by along a's normals; noise and what moved are not in it.

@@ -109,7 +109,8 @@ class SelfConsistency:
     """0 torn … 1 agrees with itself; None where nothing can tell, and the ``reason``.
 
     The parts: ``shift`` [m] and ``share`` of walls looked through between ``revisits`` pairs of scans of
-    different passes, ``jump`` [m] between scans that follow each other; ``places``, the worst first.
+    different passes, ``jump`` [m] between scans that follow each other; ``places``, those where the drive
+    broke first.
     """
 
     figure: float | None
@@ -232,25 +233,34 @@ def beams_of(recording: Recording, rows: np.ndarray) -> Array:
 def contradictions(
     pairs: Pairs, time: Array, poses: Array, config: SelfConsistencyConfig
 ) -> tuple[Contradiction, ...]:
-    """The places at which pairs contradict themselves, the one with most of them first."""
+    """The places at which pairs contradict themselves: where the drive broke, then where passes meet that do
+    not fit; of either the one with most pairs first."""
     shift, share = np.nan_to_num(pairs.shift), np.nan_to_num(pairs.share) * pairs.revisits
     strength = np.maximum(shift / config.place_shift, share / config.place_share)
     bad = np.flatnonzero(strength >= 1.0)
     bad = bad[np.argsort(-strength[bad], kind="stable")]
     middle = poses[pairs.rows[bad]][..., :2].mean(axis=1)
+    again = pairs.revisits[bad]
     places = []
     left = np.ones(len(bad), dtype=bool)
     for k in range(len(bad)):
         if not left[k]:
             continue
-        here = left & (np.hypot(*(middle - middle[k]).T) <= config.place_size)
+        apart = np.hypot(*(middle - middle[k]).T)
+        here = left & (again == again[k]) & (apart <= config.place_size)
         left &= ~here
         if here.sum() >= config.least_in_place:
             later, earlier = (int(row) for row in pairs.rows[bad[k]])
-            reason = _reason(shift[bad[k]], share[bad[k]], bool(pairs.revisits[bad[k]]), config)
+            reason = _reason(shift[bad[k]], share[bad[k]], bool(again[k]), config)
             x, y = middle[k].tolist()
-            places.append(Contradiction(x, y, (earlier, later), float(time[later]), int(here.sum()), reason))
-    return tuple(sorted(places, key=lambda place: -place.pairs))
+            places.append(
+                (
+                    bool(again[k]),
+                    -int(here.sum()),
+                    Contradiction(x, y, (earlier, later), float(time[later]), int(here.sum()), reason),
+                )
+            )
+    return tuple(place for *_, place in sorted(places, key=lambda entry: entry[:2]))
 
 
 def _reason(shift: float, share: float, revisit: bool, config: SelfConsistencyConfig) -> str:
