@@ -160,7 +160,7 @@ def _contradictions(estimate: Estimate, poses: Array) -> list[Content]:
     T_page_map = se2.compose(poses[0], se2.inverse(estimate.poses[0]))
     return [
         {
-            "place": _rounded(se2.transform(T_page_map, np.array([place.x, place.y]))),
+            "place": _rounded(se2.transform(T_page_map, np.array([[place.x, place.y]]))[0]),
             "scans": list(place.scans),
             "reason": place.reason,
         }
