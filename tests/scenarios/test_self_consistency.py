@@ -48,7 +48,7 @@ def test_an_answer_that_is_there_is_not_asked_for_again(recording: Recording) ->
 def test_the_laser_is_where_it_was_found(recording: Recording) -> None:
     turning = np.column_stack([np.zeros((N, 2)), np.linspace(0.0, 12.0, N)])
     turning[:, 0] = np.linspace(0.0, 0.5, N)
-    found = Mount(np.array([1.0, 0.0, 0.0]), np.array([0.01, 0.01, 0.001]), True)
+    found = Mount(np.array([1.0, 0.0, 0.0]), 1e-4 * np.eye(3))
     here, there = (
         with_self_consistency(Estimate("slamstitch", turning, laser_mount=mount), recording).consistency
         for mount in (None, found)
