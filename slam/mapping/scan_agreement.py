@@ -62,16 +62,17 @@ def misfit(a, b, angles, T_ab, gate, prior):
     45° apart and it is within ``gate`` m of that wall. Three steps of Gauss-Newton on the distances from a's
     walls, weighed by Geman-McClure, with a ``prior (3,)`` of standard deviations: of a single distance m, and
     of the shift m and rad, which holds directions in which nothing is seen. The shift is the rms of what it
-    moves the points by along a's normals; noise and what moved are not in it.
+    moves the points by along a's normals, and no more than it makes them fit better by: noise and what moved
+    are not in it.
     """
     T = T_ab.copy()
     inverse_variance = np.array([prior[1], prior[1], prior[2]]) ** -2.0
-    met, moved, scatter, weights = 0, 0.0, 0.0, 0.0
+    met, moved, scatter, before = 0, 0.0, 0.0, 0.0
     for turn in range(4):
         c, s = np.cos(T[2]), np.sin(T[2])
         H = np.diag(inverse_variance)
         g = inverse_variance * (T - T_ab)
-        met, moved, scatter, weights = 0, 0.0, 0.0, 0.0
+        met, moved, scatter = 0, 0.0, 0.0
         for j in range(len(b)):
             if np.isnan(b[j, 2]):
                 continue
@@ -88,18 +89,20 @@ def misfit(a, b, angles, T_ab, gate, prior):
             weight = (1.0 + (2.0 * off / gate) ** 2) ** -2.0
             met += 1
             moved += np.sum(J * (T - T_ab)) ** 2
-            scatter += weight * off * off
-            weights += weight
+            scatter += off * off
             for p in range(3):
                 g[p] += weight * J[p] * off / prior[0] ** 2
                 for q in range(3):
                     H[p, q] += weight * J[p] * J[q] / prior[0] ** 2
         if met < 3 or turn == 3:
             break
+        if turn == 0:
+            before = scatter / met
         T = T - np.linalg.solve(H, g)
     if met < 3:
         return 0.0, 0.0, met
-    return np.sqrt(moved / met), np.sqrt(3.0 * scatter / weights / met), met
+    explained = max(before - scatter / met, 0.0)
+    return np.sqrt(min(moved / met, explained)), np.sqrt(3.0 * scatter) / met, met
 
 
 @njit(cache=True)
