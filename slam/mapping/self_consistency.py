@@ -70,7 +70,7 @@ class SelfConsistencyConfig:
     """Pairs of scans from different passes that it takes for a figure."""
     quantile_revisits: float = 0.9
     """What counts of the shifts and of the shares looked through between passes …"""
-    quantile_neighbours: float = 0.99
+    quantile_neighbours: float = 0.995
     """… and of the shifts between scans that follow each other: a drive breaks in few places."""
     torn_shift: float = 0.1
     """A shift [m] between passes at which half of the figure is gone …"""
