@@ -271,11 +271,13 @@ def estimate(
 ) -> list[Estimate | NoEstimate]:
     """Every method's answer, in the order asked for; compiling and loading kernels is on nobody's bill."""
     from scenarios.methods.warm_up import warm_up_recording
+    from slam.mapping.self_consistency import self_consistency
 
     with stages.stage("warm up"):
         short = warm_up_recording(recording)
         for name in methods:
             load_kernels(name, short, config)
+        self_consistency(short, short.dead_reckoning)
     answers: list[Estimate | NoEstimate] = []
     for name in methods:
         with stages.stage(name):
