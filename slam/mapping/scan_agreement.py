@@ -111,25 +111,32 @@ def choose_partners(poses, path, most, radius, detour, apart):
     different passes: within ``radius`` m of each other though ``detour[0]`` m plus ``detour[1]`` times that
     distance were driven between (``path (K,)`` m). The nearest ``most`` of each scan, and of those that lie
     within ``apart`` m of path the nearest only."""
-    pairs = []
+    pairs = np.zeros((len(poses) * most, 2), dtype=np.int64)
+    near, distances = np.zeros(len(poses), dtype=np.int64), np.zeros(len(poses))
+    count = 0
     for i in range(len(poses)):
-        distance = np.hypot(poses[:i, 0] - poses[i, 0], poses[:i, 1] - poses[i, 1])
-        other = (distance < radius) & (path[i] - path[:i] > detour[0] + detour[1] * distance)
-        taken: list[int] = []
-        candidates = np.flatnonzero(other)
-        for j in candidates[np.argsort(distance[candidates], kind="mergesort")]:
-            if len(taken) == most:
+        first, candidates = count, 0
+        for j in range(i):
+            dx, dy = poses[j, 0] - poses[i, 0], poses[j, 1] - poses[i, 1]
+            if dx * dx + dy * dy >= radius * radius:
+                continue
+            distance = np.sqrt(dx * dx + dy * dy)
+            if path[i] - path[j] > detour[0] + detour[1] * distance:
+                near[candidates], distances[candidates] = j, distance
+                candidates += 1
+        while count - first < most:
+            nearest, least = -1, radius
+            for k in range(candidates):
+                fresh = distances[k] < least
+                for taken in range(first, count):
+                    fresh &= abs(path[pairs[taken, 1]] - path[near[k]]) > apart
+                if fresh:
+                    nearest, least = near[k], distances[k]
+            if nearest < 0:
                 break
-            fresh = True
-            for one in taken:
-                fresh &= abs(path[one] - path[j]) > apart
-            if fresh:
-                taken.append(j)
-                pairs.append((i, j))
-    out = np.zeros((len(pairs), 2), dtype=np.int64)
-    for k in range(len(pairs)):
-        out[k, 0], out[k, 1] = pairs[k]
-    return out
+            pairs[count, 0], pairs[count, 1] = i, nearest
+            count += 1
+    return pairs[:count]
 
 
 @njit(cache=True)
