@@ -123,10 +123,12 @@ def run(options: Options) -> None:
     config, stages = configure(options), Stages(Console(stderr=True))
     source = obtain(options, config, stages)
     answers = estimate(source.recording, methods, config, stages)
-    estimates = [*with_answer(answers), *source.published]
+    with_answer(answers)
     with stages.stage("evaluate"):
-        metrics = evaluate(source.recording, [*answers, *source.published])
-        metrics += costs(answers, source.recording, stages)
+        answers = ask_themselves([*answers, *source.published], source.recording, config)
+        estimates = with_answer(answers)
+        metrics = evaluate(source.recording, answers)
+        metrics += costs(answers[: len(methods)], source.recording, stages)
     result = described(options, config, source, estimates, metrics, mark)
     from scenarios.report.page import write_report  # here: matplotlib is no part of what a method takes
 
@@ -291,11 +293,13 @@ def estimate(
 ) -> list[Estimate | NoEstimate]:
     """Every method's answer, in the order asked for; compiling and loading kernels is on nobody's bill."""
     from scenarios.methods.warm_up import warm_up_recording
+    from slam.mapping.self_consistency import self_consistency
 
     with stages.stage("warm up"):
         short = warm_up_recording(recording)
         for name in methods:
             load_kernels(name, short, config)
+        self_consistency(short, short.dead_reckoning)
     answers: list[Estimate | NoEstimate] = []
     for name in methods:
         with stages.stage(name):
@@ -317,6 +321,19 @@ def tell_of_odometry(answer: Estimate | NoEstimate, recording: Recording, stages
         stages.console.print(
             f"odometry: {'; '.join(told)} ({answer.method})", highlight=False, soft_wrap=True
         )
+
+
+def ask_themselves(
+    answers: Sequence[Estimate | NoEstimate], recording: Recording, config: MethodConfig
+) -> list[Estimate | NoEstimate]:
+    """The answers, each with whether its map agrees with itself."""
+    from scenarios.evaluation.self_consistency import with_self_consistency
+    from stitch.mapping.estimate import Estimate
+
+    asked = config.self_consistency
+    return [
+        with_self_consistency(one, recording, asked) if isinstance(one, Estimate) else one for one in answers
+    ]
 
 
 def with_answer(answers: Sequence[Estimate | NoEstimate]) -> list[Estimate]:
@@ -371,7 +388,7 @@ def described(
 
 def show(result: Run, form: str, folder: Path) -> None:
     """The results on stdout."""
-    from scenarios.report.summary import tabulate
+    from scenarios.report.summary import consistency_sentences, tabulate
 
     if form == "json":
         print(result.metrics_json())
@@ -379,6 +396,8 @@ def show(result: Run, form: str, folder: Path) -> None:
     recording = result.recording
     title = f"{recording.name}: {len(recording)} scans, {recording.distance:.0f} m"
     tabulate(result.metrics).to_table(title).print()
+    for sentence in consistency_sentences(result.estimates):
+        print(sentence)
     print(folder / "report.html")
 
 

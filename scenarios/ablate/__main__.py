@@ -16,7 +16,7 @@ def run(arguments: list[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help"):
         print(f"usage: python -m {COMMAND} NAME [OPTIONS]   (NAME --help tells its options)\n")
         for name, options in STUDIES.items():
-            print(f"  {name:<12} {(options.__doc__ or '').splitlines()[0]}")
+            print(f"  {name:<16} {(options.__doc__ or '').splitlines()[0]}")
         return 0
     name, *rest = arguments
     if name not in STUDIES:

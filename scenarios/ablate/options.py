@@ -240,6 +240,32 @@ class StitchingOptions(StudyOptions):
     """What is printed on stdout."""
 
 
+@dataclass(frozen=True)
+class SelfConsistencyOptions(StudyOptions):
+    """Whether a map knows without truth that it is torn: self_consistency against the true error.
+
+    Simulate every scenario with every seed, tell every recording each of some lies (odometry frozen, late or
+    slipping, beams lost, noise), and let every method map all of them. A map is called torn when its error is
+    so many times that of slamstitch on the honest drive (``--times``); told is how well self_consistency
+    ranks torn maps below the others (area under the ROC curve), and what its verdict "torn" finds and misses.
+    """
+
+    scenarios: str = "hospital,office_smoke,two_drives,collapsed,outdoor,twin_rooms"
+    """Scenarios of the catalogue, with commas between."""
+    seeds: str = "20-21"
+    """Seeds: how many, counted from 0; or first-last; or numbers with commas between."""
+    out: Folder = Path("runs/ablate-self-consistency")
+    """A folder for results.csv and sweep.sqlite, from which a sweep that was interrupted goes on."""
+    lies: str = "frozen,late,slip,dropped,noise"
+    """Lies by name, with commas between; the honest drive always comes first."""
+    methods: str = "slamstitch,wsm"
+    """Methods by name, with commas between; "slamstitch" always runs on the honest drive."""
+    times: float = 5.0
+    """How many times the error of slamstitch on the honest drive a map must have to be called torn."""
+    format: Format = "table"
+    """What is printed on stdout."""
+
+
 STUDIES: dict[str, type] = {
     "belief": BeliefOptions,
     "bends": BendsOptions,
@@ -250,6 +276,7 @@ STUDIES: dict[str, type] = {
     "robustness": RobustnessOptions,
     "ros_maps": RosMapsOptions,
     "segmentation": SegmentationOptions,
+    "self_consistency": SelfConsistencyOptions,
     "stitching": StitchingOptions,
 }
 """Studies by name: `scenarios.ablate.study.<name>` runs one with its options."""

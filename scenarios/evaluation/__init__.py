@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from scenarios.evaluation import maps, relations, segmentation, trajectory
+from scenarios.evaluation import maps, relations, segmentation, self_consistency, trajectory
 from scenarios.evaluation.metric import Definition, Metric, Values, absent
+from slam.mapping.self_consistency import SelfConsistency
 from slam.recording import Recording
 from stitch.mapping.estimate import Estimate, NoEstimate
 
@@ -24,6 +25,7 @@ JUDGED = {
     **trajectory.DEFINITIONS,
     **relations.DEFINITIONS,
     **maps.DEFINITIONS,
+    **self_consistency.DEFINITIONS,
     **trajectory.CONSISTENCY,
     **segmentation.DEFINITIONS,
     **trajectory.ONLINE,
@@ -52,11 +54,19 @@ def evaluate(recording: Recording, estimates: Sequence[Estimate | NoEstimate]) -
             trajectory.trajectory_metrics(poses, truth)
             | relations.relation_metrics(poses, recording, pairs)
             | maps.map_metrics(poses, recording, truth_map)
+            | self_consistency.self_consistency_metrics(_consistency(recording, estimate))
             | trajectory.consistency_metrics(poses, estimate.covariance, truth)
             | segmentation.stitch_metrics(estimate, truth)
             | trajectory.online_metrics(estimate.online, truth),
         )
     return metrics
+
+
+def _consistency(recording: Recording, estimate: Estimate) -> SelfConsistency:
+    if estimate.consistency is None:
+        estimate = self_consistency.with_self_consistency(estimate, recording)
+    assert estimate.consistency is not None
+    return estimate.consistency
 
 
 def to_metrics(method: str, values: Mapping[str, float | str]) -> list[Metric]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from slam.mapping.self_consistency import SelfConsistencyConfig
 from slam.matching import MatchConfig
 from slam.odometry.segmentation import SegmentationConfig
 from slam.odometry.tracker import MANIFOLD_SLAM, FrontendConfig
@@ -43,3 +44,5 @@ class MethodConfig:
     """The front end of wsm and htms: ManifoldSLAM."""
     htms: HtmsConfig = field(default_factory=HtmsConfig)
     """The thesis's stitching."""
+    self_consistency: SelfConsistencyConfig = field(default_factory=SelfConsistencyConfig)
+    """How the map of every method is asked whether it agrees with itself."""

@@ -148,8 +148,24 @@ def _method_content(recording: Recording, rows: np.ndarray, estimate: Estimate) 
             }
             for submap in estimate.submaps
         ],
+        "contradictions": _contradictions(estimate, poses),
         "cuts": [[int(first), int(last)] for first, last in segment_gaps(estimate.submaps)],
     }
+
+
+def _contradictions(estimate: Estimate, poses: Array) -> list[Content]:
+    """Where the map contradicts itself, in the page's frame, in which the method's poses are ``poses``."""
+    if estimate.consistency is None:
+        return []
+    T_page_map = se2.compose(poses[0], se2.inverse(estimate.poses[0]))
+    return [
+        {
+            "place": _rounded(se2.transform(T_page_map, np.array([[place.x, place.y]]))[0]),
+            "scans": list(place.scans),
+            "reason": place.reason,
+        }
+        for place in estimate.consistency.places
+    ]
 
 
 def _map(recording: Recording, poses: Array) -> Content | None:

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from scenarios.evaluation import DEFINITIONS
 from scenarios.evaluation.metric import Metric
 from scenarios.evaluation.segmentation import segment_gaps
-from scenarios.methods import BASELINE
+from scenarios.methods import BASELINE, ONLINE, OURS
 from scenarios.report.method_attributes import colour_indices, is_told_the_truth
+from slam.mapping.self_consistency import SelfConsistency
 from slam.table import ABSENT, Bold, Table, number
 from stitch.mapping.estimate import Estimate
 
@@ -19,7 +20,7 @@ ARROWS = {"lower": "↓", "higher": "↑", None: ""}
 KINDS = {
     "trajectory": ("ate", "yaw", "rpe"),
     "relations": ("relation",),
-    "map": ("map",),
+    "map": ("map", "self"),
     "how sure, and is it true": ("anees",),
     "cuts and stitches": ("segments", "stitches"),
     "cost": ("wall", "scans", "peak", "latency"),
@@ -196,8 +197,13 @@ def _times(score: float | None, base: float | None) -> str:
 
 
 def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> str:
-    """Which method did best and by how much over dead reckoning; its cuts (those of ``estimates``) and
-    stitches, and false stitches of all."""
+    """That our map is torn where it is; which method did best and by how much over dead reckoning; its cuts
+    (those of ``estimates``) and stitches, and false stitches of all."""
+    torn = consistency_sentences([e for e in estimates if e.consistency and e.consistency.torn])
+    return " ".join([*torn, _scored(metrics, estimates)])
+
+
+def _scored(metrics: Sequence[Metric], estimates: Sequence[Estimate]) -> str:
     judged = headline(metrics)
     if judged is None:
         return (
@@ -213,6 +219,27 @@ def verdict(metrics: Sequence[Metric], estimates: Sequence[Estimate] = ()) -> st
         if m.name == "stitches_false" and m.value and m.method != best
     ]
     return " ".join([_ranking(judged, best) + _stitching(best, cuts, metrics), *false])
+
+
+def consistency_sentences(estimates: Sequence[Estimate]) -> list[str]:
+    """Of each of our maps whether it agrees with itself, and where it contradicts itself most."""
+    ours = [e for e in estimates if e.method in (OURS, ONLINE) and e.consistency is not None]
+    return [_consistency(e.method, e.consistency) for e in ours if e.consistency is not None]
+
+
+def _consistency(method: str, found: SelfConsistency) -> str:
+    if found.figure is None:
+        return f"Whether the map of {method} is torn cannot be told: {found.reason}."
+    told = "is torn" if found.torn else "agrees with itself"
+    text = f"The map of {method} {told} (self_consistency {found.figure:.2f})"
+    if not found.places:
+        return f"{text}."
+    worst, count = found.places[0], len(found.places)
+    places = "one place" if count == 1 else f"{count} places"
+    return (
+        f"{text}; it contradicts itself in {places}, most at ({worst.x:.1f}, {worst.y:.1f}) m, scans "
+        f"{worst.scans[0]} and {worst.scans[1]}: {worst.reason}."
+    )
 
 
 def _ranking(judged: Headline, best: str) -> str:

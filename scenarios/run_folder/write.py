@@ -73,6 +73,7 @@ def write_run(folder: Path, run: Run) -> None:
     _write_steps(folder / "steps.csv", recording, estimates)
     dump(folder / "segments.json", segments(estimates))
     dump(folder / "stitches.json", stitches(estimates, recording.truth))
+    dump(folder / "self_consistency.json", {e.method: e.consistency for e in estimates if e.consistency})
     write_tracks(folder / TRACKS_FILE, estimates)
     write_submaps(folder / SUBMAPS_FILE, estimates, recording)
     (folder / METRICS_FILE).write_text(run.metrics_json() + "\n", encoding="utf-8")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slam.graph.pose_graph import PoseGraph
+from slam.mapping.self_consistency import SelfConsistency
 from slam.mapping.submap import Submap
 from slam.odometry.laser_mount import Mount
 from slam.odometry.odometry_faults import OdometryFaults
@@ -62,7 +63,7 @@ class Estimate:
     ``covariance (N, 3, 3)`` are the marginals in the body frame, None where the method has none; ``online``
     is what a method answered that works scan by scan; ``laser_mount`` where the laser was found to sit, None
     where that was stated or could not be told; ``odometry_faults`` what of its odometry was corrected, None
-    where nothing was.
+    where nothing was; ``consistency`` whether its map agrees with itself, None where nobody asked.
     """
 
     method: str
@@ -76,6 +77,7 @@ class Estimate:
     online: OnlineResult | None = None
     laser_mount: Mount | None = None
     odometry_faults: OdometryFaults | None = None
+    consistency: SelfConsistency | None = None
 
 
 @dataclass(frozen=True)

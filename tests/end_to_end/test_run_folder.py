@@ -37,7 +37,7 @@ def test_everything_is_there(done):
     figures = {path for path in found if path.startswith("figures/")}
     assert found - figures == {
         "config.json", "environment.json", "metrics.json", "segments.json", "stitches.json",
-        "recording.npz", "report.html", "steps.csv", "tracks.npz", "submaps.npz",
+        "recording.npz", "report.html", "steps.csv", "tracks.npz", "submaps.npz", "self_consistency.json",
         *(f"trajectories/{name}.tum" for name in drawn),
         *(f"maps/{name}.{suffix}" for name in drawn for suffix in ("png", "pgm", "yaml")),
         "posegraphs/slamstitch-before.g2o", "posegraphs/slamstitch-after.g2o",

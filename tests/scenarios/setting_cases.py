@@ -201,6 +201,12 @@ PLACES = {
     "manifold.dead_reckoning.ins_turn_share": Case(0.2, "wsm ins", "innovation"),
     "htms.segmentation.least_steps": Case(24, "htms ins", "submaps"),
     "htms.align.resolution": Case(0.2, "htms ins"),
+    "self_consistency.torn_jump": Case(
+        0.1,
+        "itself odometry",
+        "figure",
+        {"self_consistency.least_detour": 0.5, "self_consistency.least_pairs": 1},
+    ),
 }
 """One setting of every further place where a data class of the tree stands: the place is read."""
 

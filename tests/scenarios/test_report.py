@@ -231,7 +231,7 @@ def test_every_metric_stands_under_a_heading():
     table = tabulate(to_metrics("a", dict.fromkeys(DEFINITIONS, 1.0)))
     kinds = dict(table.kinds())
     assert sorted(row.name for rows in kinds.values() for row in rows) == sorted(DEFINITIONS)
-    assert [row.name for row in kinds["map"]] == ["map_f1", "map_iou", "map_chamfer"]
+    assert [row.name for row in kinds["map"]] == ["map_f1", "map_iou", "map_chamfer", "self_consistency"]
 
 
 def rendered(recording, estimates, metrics):

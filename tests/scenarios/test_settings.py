@@ -19,9 +19,11 @@ import pytest
 
 from scenarios.methods import METHODS
 from scenarios.methods.config import MethodConfig
+from scenarios.run import ask_themselves
 from sim.laser import Raycaster
 from slam import se2
 from slam.graph.pose_graph import GncConfig
+from slam.mapping.self_consistency import SelfConsistencyConfig
 from slam.mapping.submap import Submap
 from slam.matching import MatchConfig
 from slam.odometry.ego_motion_filter import remove_co_moving_points
@@ -49,6 +51,7 @@ ELSEWHERE: dict[type, tuple[str, str]] = {
     RecoveryConfig: ("slam/odometry/test_recovering_tracker.py", "CHANGED"),
     OdometryNoiseConfig: ("slam/odometry/test_odometry_noise.py", "CHANGED"),
     OdometryFaultConfig: ("slam/odometry/test_odometry_faults.py", "CHANGED"),
+    SelfConsistencyConfig: ("slam/mapping/test_self_consistency.py", "CHANGED"),
 }
 """Classes whose settings have their cases beside the stage: the test's file, and what it calls them."""
 
@@ -214,7 +217,7 @@ def answer_of(estimate: Estimate | NoEstimate) -> Answer:
 @pytest.fixture(scope="module")
 def ask(drives: dict[str, Recording]) -> Ask:
     """The answer of a scene: "odometry" is our map of that drive, "online ins" that of the method online,
-    "icp ins" that of another; with "stubborn" stitches."""
+    "icp ins" that of another, "itself ins" what a map of it says of itself; with "stubborn" stitches."""
 
     @cache
     def ask(scene: str, config: MethodConfig) -> Answer:
@@ -223,6 +226,11 @@ def ask(drives: dict[str, Recording]) -> Ask:
             stubborn = map_stubbornly_online if method == "online" else map_stubbornly
             return answer_of(stubborn(drives["odometry"], config))
         method = {"": "slamstitch", "online": "slamstitch_online"}.get(method, method)
+        if method == "itself":
+            (asked,) = ask_themselves([Estimate("ins", around())], drives[name], config)
+            assert isinstance(asked, Estimate)
+            assert asked.consistency is not None
+            return {"reason": asked.consistency.reason, "figure": np.array([asked.consistency.figure])}
         return answer_of(METHODS[method](drives[name], config))
 
     return ask

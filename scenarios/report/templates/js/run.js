@@ -23,7 +23,7 @@ function readMethod(method, truth) {
   const track = method.track;
   return {
     name: method.name, colour: `--c${method.colour}`, poses, map: method.map, cuts: method.cuts,
-    stitches: method.stitches,
+    stitches: method.stitches, contradictions: method.contradictions,
     fits: once(() => flags(method.fits)),
     spread: method.spread && { what: method.spread.what, values: numbers(method.spread.values) },
     track: track && {

@@ -46,6 +46,14 @@ function cutLayer(run, method, renderer) {
   }));
 }
 
+// Where the map contradicts itself: a ring that says why.
+function contradictionLayer(method, renderer) {
+  return together(method.contradictions.map(({ place, scans, reason }) => {
+    const ring = styled(L.circleMarker(at(...place), { renderer, radius: 11, weight: 3, fill: false }), "--false");
+    return ring.bindTooltip(make("span", {}, `scans ${scans[0]} and ${scans[1]}: ${reason}`), { sticky: true });
+  }));
+}
+
 function chosenLayers(run, renderers, chosen, open) {
   const has = (state) => run.methods.some((method) => method.stitches.some((stitch) => stitch.state === state));
   const layers = [];
@@ -55,6 +63,9 @@ function chosenLayers(run, renderers, chosen, open) {
   }
   for (const [state, { label, key: kind, on }] of Object.entries(STATES)) {
     if (has(state)) layers.push({ id: `stitches-${state}`, label: `stitches ${label}`, key: [kind, `--${state}`], on, build: () => stitchLayer(chosen(), state, renderers.stitches, open) });
+  }
+  if (run.methods.some((method) => method.contradictions.length)) {
+    layers.push({ id: "contradictions", label: "where the map contradicts itself", key: ["ring", "--false"], on: true, build: () => contradictionLayer(chosen(), renderers.stitches) });
   }
   return layers;
 }
