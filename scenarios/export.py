@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 
 from scenarios import source
 from scenarios.options import check_seed
-from slam.cli import InputError, main
+from slam.cli import POSE, InputError, Pose, main
 
 if TYPE_CHECKING:
     from slam.recording import Recording
@@ -36,11 +36,21 @@ class Options:
     """What to write."""
     seed: Annotated[int, arg(metavar="K")] = 0
     """Which of a scenario's drives to simulate."""
+    poses: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Write the CARMEN log with these poses for those it has, in every line of it: what Freiburg's
+    metricEvaluator scores. A trajectory as python -m scenarios.score takes it."""
+    laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
+    """With --poses, where the laser sits in the robot's frame in m and rad, if a log does not tell; without,
+    it is estimated from the drive as in a run."""
 
 
 def run(options: Options) -> None:
     """Obtain the recording, write it, and say what was written on stdout."""
     check_seed(options.seed)
+    if options.poses and options.format != "carmen":
+        raise InputError(f"--poses corrects a CARMEN log, expected --format carmen, got {options.format}")
+    if options.laser_mount and not options.poses:
+        raise InputError("--laser-mount is for --poses: a recording is written with the mount it has")
     if not options.out.parent.is_dir():
         raise InputError(f"{options.out.parent}: no such folder")
     if options.out.exists():
@@ -48,9 +58,14 @@ def run(options: Options) -> None:
     if source.is_scenario(options.recording):
         recording = source.simulated(options.recording, options.seed).recording
     else:
-        recording = source.logged(Path(options.recording), None, None).recording
+        recording = source.logged(Path(options.recording), None, options.laser_mount).recording
     try:
-        written = write(recording, options.format, options.out)
+        if options.poses:
+            from scenarios.score.corrected import write_corrected
+
+            written = [write_corrected(options.out, options.poses, recording, Path(options.recording))]
+        else:
+            written = write(recording, options.format, options.out)
     except (ValueError, OSError) as error:  # beams the format cannot say, a disk that is full
         raise InputError(str(error)) from error
     for path in written:

@@ -29,7 +29,13 @@ JUDGED = {
     **trajectory.ONLINE,
 }
 """Metrics of every method that has an answer."""
-DEFINITIONS: dict[str, Definition] = {**JUDGED, **COST}
+ANSWERED = {
+    "coverage": Definition(
+        "", "higher", "share of the scans that an answer has a pose for", "How good the poses are."
+    )
+}
+"""Of an answer that was handed in; the scans that it leaves out are interpolated."""
+DEFINITIONS: dict[str, Definition] = {**ANSWERED, **JUDGED, **COST}
 """Metric name -> definition, in the order of the table."""
 
 

@@ -17,10 +17,10 @@ from stitch.mapping.estimate import Estimate
 
 ARROWS = {"lower": "↓", "higher": "↑", None: ""}
 KINDS = {
-    "trajectory": ("ate", "yaw", "rpe"),
+    "trajectory": ("coverage", "ate", "yaw", "rpe"),
     "relations": ("relation",),
     "map": ("map",),
-    "how sure, and is it true": ("anees",),
+    "how sure, and is it true": ("anees", "crps"),
     "cuts and stitches": ("segments", "stitches"),
     "cost": ("wall", "scans", "peak", "latency"),
 }
