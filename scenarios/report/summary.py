@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenarios.evaluation import DEFINITIONS
+from scenarios.evaluation import KNOWN
 from scenarios.evaluation.metric import Metric
 from scenarios.evaluation.segmentation import segment_gaps
 from scenarios.methods import BASELINE
@@ -93,7 +93,7 @@ def tabulate(metrics: Sequence[Metric]) -> MetricsTable:
         by_name.setdefault(metric.name, {})[metric.method] = metric
     rows: list[Row] = []
     absent: dict[str, list[str]] = {}
-    known = [name for name in DEFINITIONS if name in by_name]
+    known = [name for name in KNOWN if name in by_name]
     for name in dict.fromkeys([*known, *by_name]):
         by_method = by_name[name]
         if any(metric.value is not None for metric in by_method.values()):
@@ -118,7 +118,7 @@ def _row(name: str, by_method: dict[str, Metric], methods: tuple[str, ...]) -> R
         else:
             versus = "" if method == BASELINE else _difference(metric.value, baseline)
             cells.append(Cell(number(metric.value, decimals), metric.value == best, versus=versus))
-    definition = DEFINITIONS.get(name)
+    definition = KNOWN.get(name)
     meaning, blind = (definition.meaning, definition.cannot_see) if definition else ("", "")
     return Row(name, first.unit, ARROWS[first.better], tuple(cells), meaning, blind)
 

@@ -43,9 +43,11 @@ def read_answers(paths: Sequence[Path], taken: Sequence[str] = ()) -> list[Answe
     file that cannot be read."""
     answers: list[Answer] = []
     for path in paths:
-        name = _vacant(_name(path), [*taken, *(one.name for one in answers)])
+        is_map = path.suffix.lower() in MAP_SUFFIXES
+        wanted = f"{_name(path)} (map)" if is_map else _name(path)
+        name = _vacant(wanted, [*taken, *(one.name for one in answers)])
         try:
-            if path.suffix.lower() in MAP_SUFFIXES:
+            if is_map:
                 answer.check_size(path)
                 if not path.is_file():
                     raise FormatError("no such file", path)
@@ -86,7 +88,7 @@ def to_estimate(
         raise InputError(f"{name}: {_strangers(found.time, recording.time, tolerance)}")
     if coverage < LEAST_COVERAGE:
         share = f"{math.floor(1000.0 * coverage) / 10.0:g} %"
-        reason = f"poses for {share} of the scans, expected at least {LEAST_COVERAGE:.0%}"
+        reason = f"poses for {share} of the scans, expected at least {100.0 * LEAST_COVERAGE:g} %"
         return NoEstimate(name, reason), coverage
     found = as_robot(found, recording.laser, body)
     covariance = None

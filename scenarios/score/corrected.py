@@ -13,6 +13,7 @@ from slam.formats import FormatError, carmen
 from slam.formats.text import File
 from slam.odometry.laser_mount import is_mount_unstated
 from slam.recording import Recording
+from slam.trajectory import Body
 from stitch.mapping.config import MappingConfig
 from stitch.mapping.estimate import NoEstimate
 
@@ -24,7 +25,7 @@ def write_corrected(out: Path, answer: Path, recording: Recording, log: Path) ->
     The lines between two scans get what dead reckoning makes of the answer at both, as relations are scored.
     Raises `InputError`, and ``ValueError`` for a recording that no CARMEN log can hold.
     """
-    body = "robot"
+    body: Body = "robot"
     if is_mount_unstated(recording):
         recording = with_estimated_mount(Source(recording, {}), MappingConfig())[0].recording
         body = "laser" if recording.laser.mount_source == "the drive" else "robot"
