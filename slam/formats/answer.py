@@ -20,14 +20,15 @@ READERS: tuple[tuple[Callable[[File], bool], Callable[[File], Trajectory]], ...]
 """What tells a format, and its reader; a plain table of numbers is none of these."""
 
 
-def read(path: str | PathLike[str]) -> Trajectory:
+def read(source: File | str | PathLike[str]) -> Trajectory:
     """Poses by their stamps, of a TUM file (with covariances or without), a SQUARE file, a corrected CARMEN
     log, an npz, or lines ``stamp x y theta``; told apart by content.
 
     Raises `FormatError`, one line, for what cannot be read, and for a file beyond `MAX_BYTES`.
     """
-    check_size(Path(path))
-    file = File(path)
+    file = File.of(source)
+    if not isinstance(source, File):
+        check_size(file.path)
     for recognise, reader in READERS:
         if recognise(file):
             return reader(file)
