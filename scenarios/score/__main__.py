@@ -56,6 +56,9 @@ class Options:
     """Folder that the run's folder is put into."""
     format: Literal["table", "json"] = "table"
     """What is printed on stdout."""
+    truth: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """True poses of the robot at every scan, where they are not in the recording; those of a suite's
+    recording are found beside it."""
     relations: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
     """File of true relative poses to score a log against."""
     laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
@@ -83,6 +86,7 @@ def run(options: Options) -> None:
     from scenarios.run_folder import directory
     from scenarios.run_folder.write import write_run
     from scenarios.score.answers import read_answers
+    from scenarios.score.truth import truth_beside, with_truth
     from scenarios.stages import Stages
 
     answers = read_answers(options.answers, [*METHODS, "truth"])
@@ -91,6 +95,10 @@ def run(options: Options) -> None:
     directory.check(options.out, name)
     config, stages = road.configure(wanted), Stages(Console(stderr=True))
     source = road.obtain(wanted, config, stages)
+    truth = options.truth or truth_beside(wanted.recording)
+    if truth is not None:
+        recording = with_truth(source.recording, truth, options.tolerance)
+        source = replace(source, recording=recording)
     handed, metrics = scored(answers, source.recording, options, stages)
     ours = road.estimate(source.recording, methods, config, stages) if options.methods else []
     result = described(options, config, source, [*ours, *handed], mark)
@@ -109,9 +117,10 @@ def run(options: Options) -> None:
 def _as_run(options: Options) -> road.Options:
     """The same recording as a run takes it. Raises `InputError`."""
     from scenarios.methods import BASELINE
+    from scenarios.score.truth import entry_file
 
     return road.Options(
-        recording=options.recording,
+        recording=entry_file(options.recording),
         seed=options.seed,
         methods=options.methods or BASELINE,
         relations=options.relations,

@@ -117,11 +117,10 @@ def _facts(entry: Entry, recording: Recording) -> dict[str, str]:
     return {
         "what": f"{len(recording)} scans in {seconds:.0f} s, {recording.distance:.0f} m, simulated",
         "laser": f"{len(angles)} beams from {angles[0]:.1f}° to {angles[-1]:.1f}°, {apart}; "
-        f"{laser.range_min:g} to {laser.range_max:g} m, noise {laser.sigma_range:g} m",
+        f"{laser.range_min:g} to {laser.range_max:g} m, noise {laser.sigma_range:.2g} m",
         "mount": f"x {x:.3f} m, y {y:.3f} m, yaw {math.degrees(yaw):.2f}° in the robot's frame",
         "dead reckoning": RECKONING[recording.source] + tilt,
-        "truth": f"the robot's pose at every scan, exact: {entry.name}.tum in the second folder; relations of "
-        f"the laser: {entry.name}.relations",
+        "truth": "in the second folder: the robot's pose at every scan, exact; relations of the laser",
         "traps": suite().traps[entry.scenario],
         "licence": "CC0-1.0: made by a program, do with it what you like",
     }
@@ -155,7 +154,7 @@ def read_suite(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def _checked(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
-    """What is used of an entry of suite.json. Raises ``ValueError`` for a name that is none of the suite's."""
+    """What is used of an entry of suite.json. Raises ``ValueError`` for a name that it has not."""
     if name not in {known.name for known in suite().entries}:
         raise ValueError(f"no recording of {suite().name}: {name!r}")
     hashes = {file: str(digest) for file, digest in entry["files"].items()}

@@ -15,8 +15,9 @@ SURE = 0.05
 
 @dataclass(frozen=True)
 class Comparison:
-    """Submission ``a`` against ``b`` by their indices: on how many recordings each is better, and the p-value
-    of Wilcoxon's signed-rank test, after Holm's correction for all pairs."""
+    """Submission ``a`` against ``b`` by their indices: on how many recordings a is better, and on how many b,
+    which are no more; and the p-value of Wilcoxon's signed-rank test, after Holm's correction for all
+    pairs."""
 
     a: int
     b: int
@@ -58,7 +59,8 @@ def _pair(errors: Sequence[Sequence[float]], a: int, b: int) -> Comparison:
     one, other = _finite([errors[a], errors[b]])
     difference = one - other
     p = float(wilcoxon(difference, zero_method="zsplit").pvalue) if np.any(difference) else 1.0
-    return Comparison(a, b, int(np.sum(difference < 0)), int(np.sum(difference > 0)), p)
+    wins, losses = int(np.sum(difference < 0)), int(np.sum(difference > 0))
+    return Comparison(a, b, wins, losses, p) if wins >= losses else Comparison(b, a, losses, wins, p)
 
 
 def _finite(errors: Sequence[Sequence[float]]) -> np.ndarray:
