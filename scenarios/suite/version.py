@@ -38,12 +38,13 @@ class Entry:
 @dataclass(frozen=True)
 class Suite:
     """The entries of a version, and the trap in each scenario; ``frozen``: the fingerprint of each recording
-    and of its truth where the version was made."""
+    and its truth, ``made_with`` that processor and those packages."""
 
     name: str
     entries: tuple[Entry, ...]
     traps: Mapping[str, str]
     frozen: Mapping[str, str]
+    made_with: Mapping[str, str]
 
 
 @cache
@@ -57,10 +58,9 @@ def suite() -> Suite:
         for scenario in content["scenarios"]
         for seed in content["seeds"][split]
     )
-    hashes = here / f"{VERSION}.sha256"
-    lines = hashes.read_text(encoding="utf-8").splitlines() if hashes.is_file() else []
+    lines = (here / f"{VERSION}.sha256").read_text(encoding="utf-8").splitlines()
     frozen = {name: digest for digest, name in (line.split() for line in lines)}
-    return Suite(VERSION, entries, content["traps"], frozen)
+    return Suite(VERSION, entries, content["traps"], frozen, content["made_with"])
 
 
 def chosen(split: str, scenarios: str) -> list[Entry]:
