@@ -148,6 +148,9 @@ def _published(path: Path, recording: Recording) -> tuple[Estimate, ...]:
         (answer,) = read_answers([file])
         name = f"{file.name.removeprefix(f'{stem}.').removesuffix('_ref.txt')} (published)"
         assert answer.trajectory is not None  # the file is named .txt
+        if len(answer.trajectory) != len(recording):
+            expected = f"expected one for each of {len(recording)} scans"
+            raise InputError(f"{file}: {len(answer.trajectory)} poses, {expected}")
         estimate, _ = to_estimate(name, answer.trajectory, recording, TOLERANCE, "robot")
         if isinstance(estimate, NoEstimate):
             raise InputError(f"{file}: {estimate.reason}")
