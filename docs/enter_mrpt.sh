@@ -1,11 +1,12 @@
 #!/bin/sh
-# MRPT's icp-slam on the CARMEN logs of a suite: sh enter_mrpt.sh DIR; writes answers.zip. Needs mrpt-apps and zip.
-set -e
-config=/usr/share/mrpt/config_files/icp-slam/icp-slam_demo_classic.ini
-for log in "$1"/*-[0-9]/*-[0-9].log; do
-  name=$(basename "$log" .log); rm -rf "work/$name"; mkdir -p "work/$name"
-  carmen2rawlog -i "$log" -o "work/$name/a.rawlog" -q
-  (cd "work/$name" && icp-slam "$config" a.rawlog > icp.txt)
-  awk '{print}' "work/$name"/LOG_ICP-SLAM/*.tum > "$name.tum"
+# sh docs/enter_mrpt.sh DIR: MRPT's icp-slam (Debian's mrpt-apps) on the CARMEN logs of a suite, as answers.zip
+here=$(cd "$(dirname "$0")" && pwd); mkdir answers || exit 1
+for log in "$1"/*/*-[0-9]*.log; do
+  case $log in *.usarsim.log) continue ;; esac
+  name=$(basename "$log" .log); work=$(mktemp -d)
+  awk -f "$here/enter_mrpt.awk" "$log" > "$work/a.log"                     # MRPT 2.5.8 reads stamps 10¹² times too small
+  carmen2rawlog -q -i "$work/a.log" -o "$work/a.rawlog" > "$work/told.txt" || continue
+  (cd "$work" && icp-slam "$here/enter_mrpt.ini" a.rawlog < /dev/null >> told.txt)
+  awk -f "$here/enter_mrpt.awk" "$work/LOG/log_estimated_path.txt" "$log" > "answers/$name.tum"
 done
-zip -q answers.zip ./*.tum
+zip -qr answers.zip answers
