@@ -14,7 +14,7 @@ from scenarios import run as road
 from slam.cli import POSE, InputError, Pose, main
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from scenarios.evaluation.metric import Metric
     from scenarios.methods.config import MethodConfig
@@ -26,6 +26,16 @@ if TYPE_CHECKING:
     from stitch.mapping.estimate import Estimate, NoEstimate
 
 COMMAND = "scenarios.score"
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where an answer is from, beyond its file: ``version`` of the system, its wall time [s], peak memory
+    [MB]."""
+
+    version: str
+    wall_s: float
+    peak_mb: float
 
 
 @dataclass(frozen=True)
@@ -71,8 +81,12 @@ class Options:
     """What the laser spans, where a text log does not tell."""
 
 
-def run(options: Options) -> None:
-    """Answers → matched to the recording → metrics, beside those of our methods → run folder → table."""
+def run(options: Options, origins: Mapping[str, Origin] | None = None, command: str = COMMAND) -> None:
+    """Answers → matched to the recording → metrics, beside those of our methods → run folder → table.
+
+    ``origins`` tell of answers, by their names, that ``command`` made.
+    """
+    origins = origins or {}
     if not options.answers:
         raise InputError("expected one or more answers: answer.tum, corrected.log, poses.npz or map.yaml")
     if not 0.0 <= options.tolerance <= 1.0:
@@ -82,6 +96,7 @@ def run(options: Options) -> None:
 
     from rich.console import Console
 
+    from scenarios.evaluation import cost
     from scenarios.methods import METHODS
     from scenarios.run_folder import directory
     from scenarios.run_folder.write import write_run
@@ -103,7 +118,11 @@ def run(options: Options) -> None:
     ours = road.estimate(source.recording, methods, config, stages) if options.methods else []
     result = described(options, config, source, [*ours, *handed], mark)
     metrics = [*judged(ours, result.recording, stages), *metrics]
-    result = replace(result, metrics=metrics)
+    for one, origin in origins.items():
+        metrics += cost(one, origin.wall_s, len(source.recording), origin.peak_mb)
+    asked = {**result.asked, "command": shlex.join(["python", "-m", command, *sys.argv[1:]])}
+    made = {**result.environment, "peers": {one: origin.version for one, origin in origins.items()}}
+    result = replace(result, metrics=metrics, asked=asked, environment=made)
     from scenarios.report.page import write_report  # here: matplotlib is no part of what a method takes
 
     with directory.prepare(options.out, name) as folder:
@@ -185,7 +204,6 @@ def described(
     from stitch.mapping.estimate import Estimate
 
     asked = {
-        "command": shlex.join(["python", "-m", COMMAND, *sys.argv[1:]]),
         "options": asdict(options),
         "fingerprint": fingerprint,
         "scenario": source.settings,
