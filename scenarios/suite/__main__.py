@@ -23,8 +23,8 @@ def run(arguments: list[str]) -> int:
         print(f"{COMMAND}: unknown name {name!r}: {nearest(name, PARTS)}", file=sys.stderr)
         return 2
     sys.argv = [sys.argv[0], *rest]
-    part = import_module(f"{COMMAND}.{name}")
-    return main(PARTS[name], f"{COMMAND} {name}", part.run)
+    part = f"{COMMAND}.{name}"
+    return main(PARTS[name], f"{COMMAND} {name}", lambda options: import_module(part).run(options))
 
 
 if __name__ == "__main__":
