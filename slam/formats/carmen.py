@@ -177,21 +177,28 @@ def write_corrected(
 ) -> None:
     """Write every line of the log ``source`` with corrected poses, as Freiburg's metricEvaluator reads it.
 
-    ``poses (M, 3)`` are the robot's at the rows of `odometry_of`. A scan's line gets the pose of its laser,
-    mounted at ``T_robot_laser (3,)``, and that of the robot, an ODOM line the robot's; all else stays as it
-    is. Raises `FormatError` as `odometry_of` does, ``ValueError`` for another number of poses.
+    ``poses (M, 3)`` are the robot's at the rows of `odometry_of`. A scan's line gets the pose of its
+    laser, mounted at ``T_robot_laser (3,)``, and that of the robot, an ODOM line the robot's; a line of
+    another laser those of the record before it, with the mount that it states. All else stays as it is.
+    Raises `FormatError` as `odometry_of` does, ``ValueError`` for another number of poses.
     """
     file = File.of(source)
     log = _read_log(file)
     if len(poses) != len(log.odometry):
         raise ValueError(f"corrected log: expected {len(log.odometry)} poses, got {len(poses)}")
     text, row, scan = [], -1, 0
-    for _, line in file.lines():
+    for number, line in file.lines():
         words = line.split()
         if line.startswith(log.laser + " "):
             row, scan = log.scan_row[scan], scan + 1
             start = _poses_at(words)
             words[start : start + 6] = _spaced(*se2.compose(poses[row], T_robot_laser), *poses[row]).split()
+            line = " ".join(words)
+        elif row >= 0 and words and words[0] in LASERS and not words[0].startswith("RAWLASER"):
+            start = _poses_at(words)
+            logged = numbers(words[start : start + 6], words[0], file.path, number)
+            mount = se2.between(logged[3:], logged[:3])
+            words[start : start + 6] = _spaced(*se2.compose(poses[row], mount), *poses[row]).split()
             line = " ".join(words)
         elif line.startswith("ODOM "):
             row += 1

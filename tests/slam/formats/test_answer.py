@@ -215,6 +215,18 @@ def test_flaser_lines_are_corrected_where_their_poses_are(tmp_path: Path) -> Non
     assert words[11:] == ["1", "host", "1"]
 
 
+def test_another_laser_s_lines_keep_their_own_mount(tmp_path: Path) -> None:
+    front = "FLASER 2 1.0 2.0 0 0 0 0 0 0 {0} host {0}\n"
+    rear = "RLASER 2 1.0 2.0 -0.2 0 3.0 0 0 0 {0} host {0}\n"
+    (tmp_path / "a.log").write_text(rear.format(0) + "".join((front + rear).format(k) for k in (1, 2)))
+    carmen.write_corrected(tmp_path / "b.log", tmp_path / "a.log", POSES[1:], np.zeros(3))
+    lines = [line.split() for line in (tmp_path / "b.log").read_text().splitlines()]
+    assert [line[0] for line in lines] == ["RLASER", "FLASER", "RLASER", "FLASER", "RLASER"]
+    assert lines[0][4:7] == ["-0.2", "0", "3.0"]  # nothing is known before the first scan
+    expected = [*se2.compose(POSES[2], [-0.2, 0.0, 3.0]), *POSES[2]]
+    np.testing.assert_allclose(list(map(float, lines[4][4:10])), expected, atol=1e-6)
+
+
 def test_a_log_without_poses_cannot_be_corrected(tmp_path: Path) -> None:
     line = "RAWLASER1 0 -1.0 2.0 1.0 20.0 0.01 0 3 1.0 2.0 3.0 0 {0} host {0}\n"
     (tmp_path / "a.log").write_text("".join(line.format(k) for k in (1, 2)))
