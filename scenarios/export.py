@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 from scenarios import source
 from scenarios.corruptions import Corrupt, corrupted, parse_corruptions
 from scenarios.options import check_seed
-from slam.cli import InputError, main
+from slam.cli import POSE, InputError, Pose, main
 
 if TYPE_CHECKING:
     from slam.recording import Recording
@@ -40,12 +40,26 @@ class Options:
     corrupt: Corrupt = ()
     """Spoil the recording first, as `python -m scenarios.run` does; the log then has one pose of dead
     reckoning for every scan."""
+    poses: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """Write the CARMEN log with these poses for those it has, in every line of it: what Freiburg's
+    metricEvaluator scores. A trajectory as python -m scenarios.score takes it."""
+    laser_mount: Annotated[Pose | None, POSE, arg(help_behavior_hint="")] = None
+    """With --poses, where the laser sits in the robot's frame in m and rad, if a log does not tell; without,
+    it is estimated from the drive as in a run."""
 
 
 def run(options: Options) -> None:
     """Obtain the recording, write it, and say what was written on stdout."""
     check_seed(options.seed)
     corruptions = parse_corruptions(options.corrupt)
+    if options.poses and options.format != "carmen":
+        raise InputError(f"--poses corrects a CARMEN log, expected --format carmen, got {options.format}")
+    if options.laser_mount and not options.poses:
+        raise InputError("--laser-mount is for --poses: a recording is written with the mount it has")
+    if options.corrupt and options.poses:
+        raise InputError(
+            "--corrupt and --poses: the lines of the log itself are corrected, expected one of them"
+        )
     if not options.out.parent.is_dir():
         raise InputError(f"{options.out.parent}: no such folder")
     if options.out.exists():
@@ -53,10 +67,15 @@ def run(options: Options) -> None:
     if source.is_scenario(options.recording):
         recording = source.simulated(options.recording, options.seed).recording
     else:
-        recording = source.logged(Path(options.recording), None, None).recording
+        recording = source.logged(Path(options.recording), None, options.laser_mount).recording
     recording = corrupted(recording, corruptions, options.seed)
     try:
-        written = write(recording, options.format, options.out)
+        if options.poses:
+            from scenarios.score.corrected import write_corrected
+
+            written = [write_corrected(options.out, options.poses, recording, Path(options.recording))]
+        else:
+            written = write(recording, options.format, options.out)
     except (ValueError, OSError) as error:  # beams the format cannot say, a disk that is full
         raise InputError(str(error)) from error
     for path in written:

@@ -104,9 +104,9 @@ def logged(
 
     try:
         recording = load(path, relations, field_of_view=field_of_view, topic=topic, odometry=odometry)
-        published = _published(path, len(recording))
     except FormatError as error:
         raise InputError(str(error)) from error
+    published = _published(path, recording)
     if mount is not None:
         recording = recording.with_laser_mount(np.array(mount), "--laser-mount")
     try:
@@ -135,16 +135,24 @@ def with_estimated_mount(found: Source, config: MappingConfig) -> tuple[Source, 
     return replace(found, recording=recording, published=tuple(published)), mount
 
 
-def _published(path: Path, scans: int) -> tuple[Estimate, ...]:
-    """Other systems' answers beside a log: for ``intel.raw.log.gz`` there is ``intel.gmapping_ref.txt``."""
-    from slam.formats import peer
+def _published(path: Path, recording: Recording) -> tuple[Estimate, ...]:
+    """Other systems' answers beside a log, as `scenarios.score` takes them: for ``intel.raw.log.gz`` there is
+    ``intel.gmapping_ref.txt``. Raises `InputError`."""
+    from scenarios.score.answers import TOLERANCE, read_answers, to_estimate
     from slam.formats.text import recording_name
-    from stitch.mapping.estimate import Estimate
+    from stitch.mapping.estimate import NoEstimate
 
     stem = recording_name(path).removesuffix(".raw")
-    files = sorted(path.parent.glob(f"{glob.escape(stem)}.*_ref.txt"))
-    names = [file.name.removeprefix(f"{stem}.").removesuffix("_ref.txt") for file in files]
-    return tuple(
-        Estimate(f"{name} (published)", peer.read(file, scans))
-        for name, file in zip(names, files, strict=True)
-    )
+    published: list[Estimate] = []
+    for file in sorted(path.parent.glob(f"{glob.escape(stem)}.*_ref.txt")):
+        (answer,) = read_answers([file])
+        name = f"{file.name.removeprefix(f'{stem}.').removesuffix('_ref.txt')} (published)"
+        assert answer.trajectory is not None  # the file is named .txt
+        if len(answer.trajectory) != len(recording):
+            expected = f"expected one for each of {len(recording)} scans"
+            raise InputError(f"{file}: {len(answer.trajectory)} poses, {expected}")
+        estimate, _ = to_estimate(name, answer.trajectory, recording, TOLERANCE, "robot")
+        if isinstance(estimate, NoEstimate):
+            raise InputError(f"{file}: {estimate.reason}")
+        published.append(estimate)
+    return tuple(published)

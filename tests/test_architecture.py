@@ -95,6 +95,7 @@ ROOMS = ("slam.formats", "slam.matching", "slam.odometry", "slam.mapping", "slam
 ROOMS += ("stitch.alignment", "stitch.published", "stitch.mapping", "stitch.command")
 ROOMS += ("scenarios.run_folder", "scenarios.report", "scenarios.evaluation", "scenarios.methods")
 ROOMS += ("scenarios.ablate", "scenarios.bench", "scenarios.sweep", "scenarios.catalogue")
+ROOMS += ("scenarios.score", "scenarios.suite", "scenarios.check", "scenarios.peers")
 
 
 def room_of(name: str) -> str | None:

@@ -33,6 +33,13 @@ JUDGED = {
 """Metrics of every method that has an answer."""
 DEFINITIONS: dict[str, Definition] = {**JUDGED, **COST}
 """Metric name -> definition, in the order of the table."""
+ANSWERED = {
+    "coverage": Definition(
+        "", "higher", "share of the scans that an answer has a pose for", "How good the poses are."
+    )
+}
+"""Of what was handed in; scans that it leaves out are interpolated."""
+KNOWN = {**ANSWERED, **DEFINITIONS}
 
 
 def evaluate(recording: Recording, estimates: Sequence[Estimate | NoEstimate]) -> list[Metric]:
@@ -73,7 +80,7 @@ def to_metrics(method: str, values: Mapping[str, float | str]) -> list[Metric]:
     """Metrics of one method from values, or reasons why there are none; unit and direction as defined."""
     metrics = []
     for name, value in values.items():
-        definition = DEFINITIONS[name]
+        definition = KNOWN[name]
         number, reason = (None, value) if isinstance(value, str) else (float(value), None)
         metrics.append(Metric(name, number, definition.unit, definition.better, reason, method))
     return metrics

@@ -4,7 +4,7 @@ whether a method's covariance tells the truth about them; and what was answered 
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from scenarios.evaluation.metric import NO_TRUTH, Definition, Values, absent
 from slam import se2
@@ -26,6 +26,9 @@ _WAITING = "How long a scan waits for those before it when these take longer tha
 _JUMP = "How far a pose that was given early jumped when a loop closed later."
 _GIVEN = "position error after SE(2) alignment of each pose as given when its scan arrived, RMSE"
 _CHANCE = "Chance: poses of one drive share their errors, so only many drives make a test of it."
+_HALF = "The worse half of the poses."
+_CRPS = "continuous ranked probability score of the stated distribution"
+_SCORED = "Whether error or honesty is bad: it is small where both are good; and how the axes hang together."
 _ATE = "position error after SE(2) alignment"
 
 DEFINITIONS = {
@@ -44,7 +47,10 @@ DEFINITIONS = {
     for part, unit, word in (("trans", "m", "translation"), ("rot", "deg", "rotation"))
 }
 CONSISTENCY = {
-    "anees": Definition("", None, "squared error over its stated covariance, / 3; 1 is honest", _CHANCE)
+    "anees": Definition("", None, "squared error over its stated covariance, / 3; 1 is honest", _CHANCE),
+    "anees_k": Definition("", None, "median of the same over that of χ²₃; 1 is honest", f"{_CHANCE} {_HALF}"),
+    "crps_trans": Definition("m", "lower", f"{_CRPS}, mean over x and y", _SCORED),
+    "crps_rot": Definition("deg", "lower", f"{_CRPS} of the heading", _SCORED),
 }
 ONLINE = {
     "ate_online": Definition("m", "lower", _GIVEN, _JUMP),
@@ -149,17 +155,41 @@ def online_metrics(online: OnlineResult | None, truth: Array | None) -> Values:
 
 
 def consistency_metrics(poses: Array, covariance: Array | None, truth: Array | None) -> Values:
-    """Average normalised estimation error squared over 3: above 1 is over-confident, below 1 timid."""
+    """Normalised estimation error squared, its average over 3 and its median over that of χ² with 3 degrees
+    of freedom: above 1 is over-confident, below 1 timid; and the CRPS of the stated distribution, which is
+    the absolute error of one that states no doubt."""
     if covariance is None:
         return absent(CONSISTENCY, "the method states no covariance of its poses")
     if truth is None:
         return absent(CONSISTENCY, NO_TRUTH)
-    nees = squared_errors(poses, covariance, truth)
-    return {"anees": nees.mean() / 3.0 if len(nees) else "no pose has a usable covariance"}
+    error, sigma = _usable_errors(poses, covariance, truth)
+    if len(error) == 0:
+        return absent(CONSISTENCY, "no pose has a usable covariance")
+    nees = _mahalanobis(error, sigma)
+    score = crps(error, np.sqrt(np.diagonal(sigma, axis1=1, axis2=2))).mean(axis=0)
+    return {
+        "anees": nees.mean() / 3.0,
+        "anees_k": float(np.median(nees) / chi2.median(3)),
+        "crps_trans": float(score[:2].mean()),
+        "crps_rot": float(np.degrees(score[2])),
+    }
+
+
+def crps(error: Array, sigma: Array) -> Array:
+    """Continuous ranked probability score of a normal distribution whose mean is off by ``error`` and whose
+    standard deviation is ``sigma``, in their unit (Gneiting & Raftery 2007, after eq. 20)."""
+    z = error / sigma
+    score: Array = sigma * (z * (2.0 * norm.cdf(z) - 1.0) + 2.0 * norm.pdf(z) - 1.0 / np.sqrt(np.pi))
+    return score
 
 
 def squared_errors(poses: Array, covariance: Array, truth: Array) -> Array:
-    """Normalised estimation errors squared ``(K,)``, expected 3 each.
+    """Normalised estimation errors squared ``(K,)``, expected 3 each, of `_usable_errors`."""
+    return _mahalanobis(*_usable_errors(poses, covariance, truth))
+
+
+def _usable_errors(poses: Array, covariance: Array, truth: Array) -> tuple[Array, Array]:
+    """Errors ``(K, 3)`` of poses and their covariances ``(K, 3, 3)``.
 
     Poses ``(N, 3)`` and ``truth (N, 3)`` are taken relative to their first, because a map has no frame of its
     own; the error of each is in its body tangent, as ``covariance (N, 3, 3)`` is. The first pose, and those
@@ -169,7 +199,10 @@ def squared_errors(poses: Array, covariance: Array, truth: Array) -> Array:
     sigma = covariance[1:]
     usable = np.all(np.isfinite(sigma), axis=(1, 2))
     usable[usable] = np.linalg.eigvalsh(sigma[usable])[:, 0] > 0.0
-    error, sigma = error[usable], sigma[usable]
+    return error[usable], sigma[usable]
+
+
+def _mahalanobis(error: Array, sigma: Array) -> Array:
     return np.einsum("ni,ni->n", error, np.linalg.solve(sigma, error[..., None])[..., 0])
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scenarios.evaluation import DEFINITIONS
+from scenarios.evaluation import KNOWN
 from scenarios.evaluation.metric import Metric
 from scenarios.evaluation.segmentation import segment_gaps
 from scenarios.methods import BASELINE, ONLINE, OURS
@@ -18,10 +18,10 @@ from stitch.mapping.estimate import Estimate
 
 ARROWS = {"lower": "↓", "higher": "↑", None: ""}
 KINDS = {
-    "trajectory": ("ate", "yaw", "rpe"),
+    "trajectory": ("coverage", "ate", "yaw", "rpe"),
     "relations": ("relation",),
     "map": ("map", "self"),
-    "how sure, and is it true": ("anees",),
+    "how sure, and is it true": ("anees", "crps"),
     "cuts and stitches": ("segments", "stitches"),
     "cost": ("wall", "scans", "peak", "latency"),
 }
@@ -94,7 +94,7 @@ def tabulate(metrics: Sequence[Metric]) -> MetricsTable:
         by_name.setdefault(metric.name, {})[metric.method] = metric
     rows: list[Row] = []
     absent: dict[str, list[str]] = {}
-    known = [name for name in DEFINITIONS if name in by_name]
+    known = [name for name in KNOWN if name in by_name]
     for name in dict.fromkeys([*known, *by_name]):
         by_method = by_name[name]
         if any(metric.value is not None for metric in by_method.values()):
@@ -119,7 +119,7 @@ def _row(name: str, by_method: dict[str, Metric], methods: tuple[str, ...]) -> R
         else:
             versus = "" if method == BASELINE else _difference(metric.value, baseline)
             cells.append(Cell(number(metric.value, decimals), metric.value == best, versus=versus))
-    definition = DEFINITIONS.get(name)
+    definition = KNOWN.get(name)
     meaning, blind = (definition.meaning, definition.cannot_see) if definition else ("", "")
     return Row(name, first.unit, ARROWS[first.better], tuple(cells), meaning, blind)
 

@@ -35,6 +35,7 @@ from slam.formats.text import (
 )
 from slam.recording import Laser, Odometry, Recording, Source
 from slam.se2 import Array
+from slam.trajectory import Trajectory
 
 SICK_RANGE_MAX = 80.0
 """Reach of a SICK LMS 2xx [m]; it reports 81.83 .. 81.91, its error codes, for a beam without return."""
@@ -92,17 +93,7 @@ def read(source: File | str | PathLike[str]) -> Recording:
     file and line.
     """
     file = File.of(source)
-    text, path = file.text, file.path
-    _check_last_line(text, path)
-    present = set(LASER.findall(text))
-    log = _Log(path, next((name for name in LASERS if name in present), LASERS[0]))
-    for number, line in file.lines():
-        if line.startswith(log.laser + " "):
-            _read_scan(log, line.split(), number)
-        elif line.startswith(("ODOM ", "TRUEPOS ", "IMU ")):
-            _read_record(log, line.split(), number)
-        elif line.startswith("PARAM "):
-            _read_parameter(log, line.split(), number)
+    path, log = file.path, _read_log(file)
     ranges, kept = range_matrix(log.rows, log.lines, path)
     time, full_rate = np.array([scan[0] for scan in log.scans]), _full_rate(log)
     poses = np.array(log.scans)[:, 4:7] if _has_poses(log) else _odometry_at(log, time)
@@ -115,6 +106,7 @@ def read(source: File | str | PathLike[str]) -> Recording:
         raise FormatError(f"{DEAD_RECKONING} is 'none', expected one robot pose in all scans", path)
     angles, why = _angles(log, ranges, poses, file.field_of_view)
     notes = [f"{log.laser}, {fov.describe(angles)} ({why})"]
+    present = set(LASER.findall(file.text))
     if len(present) > 1:
         notes.append(
             f"left out {', '.join(name for name in LASERS if name in present and name != log.laser)}"
@@ -135,6 +127,93 @@ def read(source: File | str | PathLike[str]) -> Recording:
     if log.mount and not _has_poses(log):  # the poses would have told
         recording = recording.with_laser_mount(np.array([log.mount.get(name, 0.0) for name in MOUNT]))
     return recording
+
+
+def _read_log(file: File) -> _Log:
+    """What all lines of a log say. Raises `FormatError`."""
+    _check_last_line(file.text, file.path)
+    present = set(LASER.findall(file.text))
+    log = _Log(file.path, next((name for name in LASERS if name in present), LASERS[0]))
+    for number, line in file.lines():
+        if line.startswith(log.laser + " "):
+            _read_scan(log, line.split(), number)
+        elif line.startswith(("ODOM ", "TRUEPOS ", "IMU ")):
+            _read_record(log, line.split(), number)
+        elif line.startswith("PARAM "):
+            _read_parameter(log, line.split(), number)
+    return log
+
+
+def read_trajectory(source: File | str | PathLike[str]) -> Trajectory:
+    """The poses of the laser at the scans of a log that some system corrected: they are on the scans' lines.
+
+    Raises `FormatError` naming file and line, and for a log whose scans state no poses.
+    """
+    file = File.of(source)
+    log = _read_log(file)
+    if not log.scans:
+        raise FormatError("no scans, expected their corrected poses", file.path)
+    if not _has_poses(log):
+        raise FormatError(f"{log.laser} states no pose, expected the corrected ones", file.path)
+    scans = np.array(log.scans)
+    poses = np.column_stack([scans[:, 1:3], se2.wrap(scans[:, 3])])
+    return Trajectory(scans[:, 0], poses, body="laser")
+
+
+def odometry_of(source: File | str | PathLike[str]) -> Odometry:
+    """The odometry of a log at its full rate, the scans' lines included, with the rows of the scans that
+    `read` keeps. Raises `FormatError` as `read` does, and for a log whose scans state no poses."""
+    file = File.of(source)
+    log = _read_log(file)
+    _, kept = range_matrix(log.rows, log.lines, file.path)
+    if not _has_poses(log):
+        raise FormatError(f"{log.laser} states no pose that could be corrected", file.path)
+    records = np.array(log.odometry)
+    return Odometry(records[:, 0], records[:, 1:], np.array(log.scan_row)[kept])
+
+
+def write_corrected(
+    path: str | PathLike[str], source: File | str | PathLike[str], poses: Array, T_robot_laser: Array
+) -> None:
+    """Write every line of the log ``source`` with corrected poses, as Freiburg's metricEvaluator reads it.
+
+    ``poses (M, 3)`` are the robot's at the rows of `odometry_of`. A scan's line gets the pose of its
+    laser, mounted at ``T_robot_laser (3,)``, and that of the robot, an ODOM line the robot's; a line of
+    another laser those of the record before it, with the mount that it states. All else stays as it is.
+    Raises `FormatError` as `odometry_of` does, ``ValueError`` for another number of poses.
+    """
+    file = File.of(source)
+    log = _read_log(file)
+    if len(poses) != len(log.odometry):
+        raise ValueError(f"corrected log: expected {len(log.odometry)} poses, got {len(poses)}")
+    text, row, scan = [], -1, 0
+    for number, line in file.lines():
+        words = line.split()
+        if line.startswith(log.laser + " "):
+            row, scan = log.scan_row[scan], scan + 1
+            start = _poses_at(words)
+            words[start : start + 6] = _spaced(*se2.compose(poses[row], T_robot_laser), *poses[row]).split()
+            line = " ".join(words)
+        elif row >= 0 and words and words[0] in LASERS and not words[0].startswith("RAWLASER"):
+            start = _poses_at(words)
+            logged = numbers(words[start : start + 6], words[0], file.path, number)
+            mount = se2.between(logged[3:], logged[:3])
+            words[start : start + 6] = _spaced(*se2.compose(poses[row], mount), *poses[row]).split()
+            line = " ".join(words)
+        elif line.startswith("ODOM "):
+            row += 1
+            words[1:4] = _spaced(*poses[row]).split()
+            line = " ".join(words)
+        text.append(line)
+    Path(path).write_text("\n".join(text), encoding="utf-8")
+
+
+def _poses_at(words: list[str]) -> int:
+    """Index of the first word of the two poses in a scan's line."""
+    if words[0] in ("FLASER", "RLASER"):
+        return 2 + int(words[1])
+    remissions = 9 + int(words[8])
+    return remissions + 1 + int(words[remissions])
 
 
 def _has_poses(log: _Log) -> bool:

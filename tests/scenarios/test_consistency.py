@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from scenarios.evaluation.trajectory import (
     CONSISTENCY,
     band,
     consistency_metrics,
+    crps,
     last_squared_error,
     squared_errors,
 )
@@ -35,6 +37,26 @@ def test_honest_covariance_scores_one_in_any_frame():
     assert CONSISTENCY["anees"].better is None
 
 
+def test_the_median_of_the_errors_is_that_of_chi_square_and_forgives_a_few():
+    rng = np.random.default_rng(4)
+    n = 4000
+    truth = se2.exp(rng.multivariate_normal(np.zeros(3), SIGMA, n))
+    truth[0] = 0.0
+    truth[1:40] += [50.0, 0.0, 0.0]
+    values = consistency_metrics(np.zeros((n, 3)), np.tile(SIGMA, (n, 1, 1)), truth)
+    assert values["anees_k"] == pytest.approx(1.0, abs=0.1)
+    assert values["anees"] > 100.0
+
+
+def test_crps_is_the_integral_over_the_distribution():
+    """CRPS = ∫ (F(x) − 1[x ≥ y])² dx, and the absolute error where no doubt is stated."""
+    x = np.linspace(-5.0, 5.0, 200_001)
+    distribution = norm.cdf(x, scale=0.3)
+    expected = np.sum((distribution - (x >= 0.5)) ** 2) * (x[1] - x[0])
+    assert crps(np.array([0.5]), np.array([0.3])) == pytest.approx([expected], abs=1e-4)
+    assert crps(np.array([-0.5]), np.array([1e-9])) == pytest.approx([0.5], abs=1e-8)
+
+
 def test_poses_without_covariance_are_left_out():
     truth = np.zeros((4, 3))
     estimate = truth.copy()
@@ -54,7 +76,7 @@ def test_poses_without_covariance_are_left_out():
     ],
 )
 def test_what_is_missing_is_a_reason(covariance, truth, reason):
-    assert consistency_metrics(np.zeros((2, 3)), covariance, truth) == {"anees": reason}
+    assert consistency_metrics(np.zeros((2, 3)), covariance, truth) == dict.fromkeys(CONSISTENCY, reason)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from scenarios.evaluation.relations import (
     ALL,
+    AT_SCANS,
     CLEAR,
+    DEFINITIONS,
     carry,
     relation_metrics,
     relation_pairs,
@@ -119,6 +123,22 @@ def test_no_clear_relation_is_a_reason():
     assert metrics["relation_clear_trans_mean"] == "every relation has an ambiguous stamp"
 
 
+def test_relations_at_scans_need_no_pose_that_is_carried():
+    """Five records, scans at the first, third and last of them; the estimate is 0.5 m off at the third."""
+    odometry = Odometry(np.arange(5.0), line([0, 1, 2, 3, 4]), np.array([0, 2, 4]))
+    relations = Relations(np.array([[0.0, 2], [0, 1], [2, 3], [0, 4]]), line([2, 1, 1, 4]))
+    rec = recording(line([0, 2, 4]), odometry=odometry, relations=relations, time=np.array([0.0, 2, 4]))
+    assert relation_pairs(rec).at_scans.tolist() == [True, False, False, True]
+    v = values(line([0, 2.5, 4]), rec)
+    assert v["relation_at_scans_trans_mean"] == pytest.approx(0.25)
+    assert v["relation_trans_mean"] == pytest.approx((0.5 + 0.25 + 0.25 + 0.0) / 4)
+    between = replace(rec, relations=Relations(np.array([[1.0, 3.0]]), line([2])))
+    assert (
+        values(line([0, 2, 4]), between)["relation_at_scans_rot_std"]
+        == "no relation has both stamps at scans"
+    )
+
+
 def test_truth_gives_consecutive_relations_and_revisits():
     """Out 6 m and back in 1 m steps: the last scans are near the first ones again."""
     truth = line([0, 1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1, 0.5])
@@ -148,12 +168,13 @@ def test_relations_from_truth_have_no_ambiguous_stamps():
     metrics = relation_metrics(truth, rec, relation_pairs(rec))
     assert len(CLEAR) == 4
     assert {metrics[name] for name in CLEAR} == {"relations made from truth have no ambiguous stamps"}
+    assert {metrics[name] for name in AT_SCANS} == {"relations made from truth are all between scans"}
 
 
 def test_neither_relations_nor_truth_is_a_reason():
     rec = recording(line([0, 1]))
     metrics = relation_metrics(line([0, 1]), rec, relation_pairs(rec))
-    assert len(metrics) == 8
+    assert metrics.keys() == DEFINITIONS.keys()
     assert all(isinstance(reason, str) for reason in metrics.values())
 
 

@@ -14,11 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.formats import FORMATS, g2o, load, peer, relations, ros_map, tum
+from slam.formats import FORMATS, carmen, g2o, load, peer, relations, ros_map, square, tum
+from slam.formats.answer import read as read_answer
 from slam.formats.packed import ZSTD
 from slam.graph.pose_graph import PoseGraph
 from slam.mapping.occupancy import Grid
 from slam.recording import Laser, Odometry, Recording, Relations
+from slam.trajectory import Trajectory
 
 SCANS, BEAMS = 4, 12
 FLASER = "FLASER 180 {} {} 0 0.1 {} 0 0.1 {} host {}\n"
@@ -117,6 +119,11 @@ def _others(folder: Path) -> dict[str, Sample]:
     g2o.write(folder / "a.g2o", graph)
     edges = [line for line in (folder / "a.g2o").read_bytes().splitlines(keepends=True) if b"EDGE" in line]
     tum.write(folder / "a.tum", drive.time, drive.dead_reckoning)
+    doubt = np.tile(1e-4 * np.eye(3), (len(drive), 1, 1))
+    tum.write(folder / "b.tum", drive.time, drive.dead_reckoning, doubt)
+    square.write(folder / "a.square", Trajectory(drive.time, drive.dead_reckoning, doubt), "fuzz", "1")
+    np.savez(folder / "poses.npz", time=drive.time, poses=drive.dead_reckoning, covariance=doubt)
+    carmen.write(folder / "a.log", drive)
     relations.write(folder / "a.relations", Relations(np.array([[1.0, 2.0]] * 3), np.ones((3, 3))))
     answer = "".join(f"{k} {x} {y} {yaw}\n" for k, (x, y, yaw) in enumerate(drive.dead_reckoning))
     return {
@@ -126,6 +133,10 @@ def _others(folder: Path) -> dict[str, Sample]:
         "g2o, edges": Sample({"a.g2o": b"".join(edges)}, "a.g2o", _optimise),
         "tum": _sample(folder / "a.tum", tum.read),
         "relations": _sample(folder / "a.relations", relations.read),
+        "tum with covariances": _sample(folder / "b.tum", read_answer),
+        "square": _sample(folder / "a.square", read_answer),
+        "poses npz": _sample(folder / "poses.npz", read_answer),
+        "corrected log": _sample(folder / "a.log", read_answer),
         "peer": Sample({"a.txt": answer.encode()}, "a.txt", lambda path: peer.read(path, SCANS)),
         "settings": Sample({"config.json": _settings().encode()}, "config.json", _read_settings),
         "metrics": Sample({"metrics.json": _metrics().encode()}, "", _read_metrics),

@@ -18,7 +18,7 @@ def test_poses_in_the_order_of_the_log_with_yaw_wrapped(tmp_path):
         ("1 2 3\n", ":1: pose of 3 values, expected at least 4: stamp x y theta"),
         ("1 2 3 4\n1 2 nan 4\n", ":2: pose: value 3 is 'nan'"),
         ("1 2 3 4\n", "1 poses, expected one for each of 2 scans"),
-        ("# nothing\n", "0 poses, expected one for each of 2 scans"),
+        ("# nothing\n", "no poses, expected lines of stamp x y theta"),
     ],
 )
 def test_bad_files_are_told_in_one_line(text, told, tmp_path):

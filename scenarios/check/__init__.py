@@ -1,0 +1,1 @@
+"""Whether a method keeps what every method promises, as Gymnasium's ``check_env`` does for environments."""
