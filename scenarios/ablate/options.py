@@ -244,10 +244,10 @@ class StitchingOptions(StudyOptions):
 class SelfConsistencyOptions(StudyOptions):
     """Whether a map knows without truth that it is torn: self_consistency against the true error.
 
-    Simulate every scenario with every seed, tell every recording each of some lies (odometry frozen, late or
-    slipping, beams lost, noise), and let every method map all of them. A map is called torn when its error is
-    so many times that of slamstitch on the honest drive (``--times``); told is how well self_consistency
-    ranks torn maps below the others (area under the ROC curve), and what its verdict "torn" finds and misses.
+    Simulate every scenario with every seed, spoil every recording by each of some corruptions, and let every
+    method map all of them. A map is called torn when its error is so many times that of slamstitch on the
+    honest drive (``--times``); told is how well self_consistency ranks torn maps below the others (area under
+    the ROC curve), and what its verdict "torn" finds and misses.
     """
 
     scenarios: str = "hospital,office_smoke,two_drives,collapsed,outdoor,twin_rooms"
@@ -256,8 +256,9 @@ class SelfConsistencyOptions(StudyOptions):
     """Seeds: how many, counted from 0; or first-last; or numbers with commas between."""
     out: Folder = Path("runs/ablate-self-consistency")
     """A folder for results.csv and sweep.sqlite, from which a sweep that was interrupted goes on."""
-    lies: str = "frozen,late,slip,dropped,noise"
-    """Lies by name, with commas between; the honest drive always comes first."""
+    corruptions: str = "odometry.frozen,odometry.late,odometry.slip,laser.dropped,laser.noise"
+    """Corruptions by name, each at its default severity, with commas between; the honest drive comes
+    first."""
     methods: str = "slamstitch,wsm"
     """Methods by name, with commas between; "slamstitch" always runs on the honest drive."""
     times: float = 5.0

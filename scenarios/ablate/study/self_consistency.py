@@ -9,7 +9,6 @@ from itertools import product
 import numpy as np
 
 from scenarios import source
-from scenarios.ablate.lies import LIES
 from scenarios.ablate.options import SelfConsistencyOptions
 from scenarios.ablate.statistics import NAN
 from scenarios.evaluation.detection import Decision, decided, roc_auc
@@ -20,6 +19,7 @@ from scenarios.methods import METHODS, OURS
 from scenarios.methods.config import MethodConfig
 from scenarios.options import parse_names
 from scenarios.sweep import Answer, Trial, finish, write_results
+from sim.corruption import CORRUPTIONS, corrupt
 from slam.cli import InputError
 from slam.recording import Recording
 from slam.table import Columns, Table, number
@@ -40,13 +40,15 @@ NOTES = (
 
 
 def run(options: SelfConsistencyOptions) -> None:
-    """Every method on every drive with every lie, and whether it knew. Exits with 1 when a trial failed."""
+    """Every method on every drive with every corruption, and whether it knew. Exits with 1 when a trial failed."""
     scenarios, seeds = options.checked(count=True)
-    lies = parse_names(options.lies, LIES, "lie", "--lies")
+    kinds = parse_names(options.corruptions, CORRUPTIONS, "corruption", "--corruptions")
     methods = parse_names(options.methods, METHODS, "method")
     if not options.times > 1.0:
         raise InputError(f"--times {options.times:g}: expected more than 1")
-    swept = options.sweep(trials(scenarios, seeds, lies, methods), run_trial, prepare=simulate_recording)
+    swept = options.sweep(
+        trials(scenarios, seeds, corruptions, methods), run_trial, prepare=simulate_recording
+    )
     maps = [
         MadeMap(**row) for _, answer in swept.answered if isinstance(answer, Answer) for row in answer.rows
     ]
@@ -62,16 +64,16 @@ def run(options: SelfConsistencyOptions) -> None:
 
 
 def trials(
-    scenarios: Sequence[str], seeds: Sequence[int], lies: Sequence[str], methods: Sequence[str]
+    scenarios: Sequence[str], seeds: Sequence[int], corruptions: Sequence[str], methods: Sequence[str]
 ) -> list[Trial]:
-    """Every method on every drive and lie, and ours on every honest drive."""
-    both = [(method, lie) for lie, method in product((HONEST, *lies), methods)]
+    """Every method on every drive and corruption, and ours on every honest drive."""
+    both = [(method, kind) for kind, method in product((HONEST, *corruptions), methods)]
     if (OURS, HONEST) not in both:
         both.insert(0, (OURS, HONEST))
     return [
-        Trial("self_consistency", scenario, seed, method, {"lie": lie})
+        Trial("self_consistency", scenario, seed, method, {"corruption": kind})
         for scenario, seed in product(scenarios, seeds)
-        for method, lie in both
+        for method, kind in both
     ]
 
 
@@ -87,7 +89,7 @@ class MadeMap:
 
     scenario: str
     seed: int
-    lie: str
+    corruption: str
     method: str
     ate_rmse: float
     yaw_rmse: float
@@ -96,11 +98,11 @@ class MadeMap:
 
 
 def run_trial(trial: Trial, recording: Recording) -> Answer:
-    """One method on one drive, lied to or not; no row where it has no answer."""
-    lie = trial.config["lie"]
-    if lie != HONEST:
-        rng = np.random.default_rng([trial.seed, list(LIES).index(lie)])
-        recording = LIES[lie](recording, rng)
+    """One method on one drive, spoilt or not; no row where it has no answer."""
+    kind = trial.config["corruption"]
+    if kind != HONEST:
+        rng = np.random.default_rng([trial.seed, list(CORRUPTIONS).index(kind)])
+        recording = corrupt(recording, [CORRUPTIONS[kind].at()], rng)
     config = MethodConfig()
     estimate = METHODS[trial.method](recording, config)
     if isinstance(estimate, NoEstimate):
@@ -109,7 +111,7 @@ def run_trial(trial: Trial, recording: Recording) -> Answer:
     assert consistency is not None
     figure = NAN if consistency.figure is None else consistency.figure
     errors = trajectory_metrics(estimate.poses, recording.truth)
-    about = trial.scenario, trial.seed, lie, trial.method
+    about = trial.scenario, trial.seed, kind, trial.method
     made = MadeMap(
         *about, float(errors["ate_rmse"]), float(errors["yaw_rmse"]), figure, len(consistency.places)
     )
@@ -134,7 +136,7 @@ class Found:
 
 def summarise(maps: Sequence[MadeMap], times: float) -> list[Found]:
     """Per method, and of all together where there are several."""
-    clean = {(m.scenario, m.seed): m for m in maps if (m.method, m.lie) == (OURS, HONEST)}
+    clean = {(m.scenario, m.seed): m for m in maps if (m.method, m.corruption) == (OURS, HONEST)}
     known = [m for m in maps if (m.scenario, m.seed) in clean]
     methods = list(dict.fromkeys(m.method for m in known))
     found = [_found(method, [m for m in known if m.method == method], clean, times) for method in methods]
