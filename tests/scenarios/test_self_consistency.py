@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.ablate.lies import LIES
 from scenarios.ablate.options import SelfConsistencyOptions
 from scenarios.ablate.study.self_consistency import HONEST, MadeMap, run, summarise, trials
 from scenarios.evaluation import evaluate
@@ -82,23 +81,8 @@ def test_the_places_lie_on_the_page_where_the_map_is_drawn(recording: Recording)
 # The study
 
 
-@pytest.mark.parametrize("lie", LIES)
-def test_every_lie_is_one_and_is_drawn_from_its_generator(recording: Recording, lie: str) -> None:
-    first, again, other = (LIES[lie](recording, np.random.default_rng(k)) for k in (1, 1, 2))
-    np.testing.assert_array_equal(first.ranges, again.ranges)
-    np.testing.assert_array_equal(first.dead_reckoning, again.dead_reckoning)
-    of_laser = lie in ("dropped", "noise")
-    assert np.array_equal(first.dead_reckoning, recording.dead_reckoning) == of_laser
-    assert np.array_equal(first.ranges, recording.ranges, equal_nan=True) != of_laser
-    if lie not in ("late", "frozen"):
-        before, after = (
-            (first.ranges, other.ranges) if of_laser else (first.dead_reckoning, other.dead_reckoning)
-        )
-        assert not np.array_equal(before, after, equal_nan=True)
-
-
-def made(lie: str, ate: float, figure: float, yaw: float = 0.4, method: str = "slamstitch") -> MadeMap:
-    return MadeMap("hospital", 20, lie, method, ate, yaw, figure, 0)
+def made(corruption: str, ate: float, figure: float, yaw: float = 0.4, method: str = "slamstitch") -> MadeMap:
+    return MadeMap("hospital", 20, corruption, method, ate, yaw, figure, 0)
 
 
 def test_the_figures_of_the_study_by_hand() -> None:
@@ -120,7 +104,7 @@ def test_the_figures_of_the_study_by_hand() -> None:
 
 def test_the_honest_drive_of_ours_is_always_among_the_trials() -> None:
     planned = trials(["hospital"], [20], ["late"], ["wsm"])
-    assert [(t.method, t.config["lie"]) for t in planned] == [
+    assert [(t.method, t.config["corruption"]) for t in planned] == [
         ("slamstitch", HONEST), ("wsm", HONEST), ("wsm", "late")
     ]  # fmt: skip
 
@@ -128,7 +112,7 @@ def test_the_honest_drive_of_ours_is_always_among_the_trials() -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"lies": "fib"}, "unknown lie 'fib'"),
+        ({"corruptions": "fib"}, "unknown corruption 'fib'"),
         ({"times": 1.0}, "--times 1: expected more than 1"),
         ({"methods": "magic"}, "unknown method 'magic'"),
     ],

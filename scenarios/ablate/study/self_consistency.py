@@ -40,15 +40,14 @@ NOTES = (
 
 
 def run(options: SelfConsistencyOptions) -> None:
-    """Every method on every drive with every corruption, and whether it knew. Exits with 1 when a trial failed."""
+    """Every method on every drive, spoilt in every way, and whether it knew. Exits with 1 when a trial
+    failed."""
     scenarios, seeds = options.checked(count=True)
     kinds = parse_names(options.corruptions, CORRUPTIONS, "corruption", "--corruptions")
     methods = parse_names(options.methods, METHODS, "method")
     if not options.times > 1.0:
         raise InputError(f"--times {options.times:g}: expected more than 1")
-    swept = options.sweep(
-        trials(scenarios, seeds, corruptions, methods), run_trial, prepare=simulate_recording
-    )
+    swept = options.sweep(trials(scenarios, seeds, kinds, methods), run_trial, prepare=simulate_recording)
     maps = [
         MadeMap(**row) for _, answer in swept.answered if isinstance(answer, Answer) for row in answer.rows
     ]
