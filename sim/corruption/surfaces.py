@@ -28,9 +28,11 @@ def points_of(recording: Recording) -> Array:
     return laser[:, None, :2] + recording.ranges[:, :, None] * direction
 
 
-def panes(points: Array) -> tuple[np.ndarray, int]:
-    """The number of the pane that each of the points ``(n, 2)`` is on, and how many panes there are."""
-    cells = np.floor(points / PANE).astype(np.int64)
+def panes(points: Array, rng: np.random.Generator) -> tuple[np.ndarray, int]:
+    """The number of the pane that each of the points ``(n, 2)`` is on, and how many panes there are. The
+    squares lie anyhow, lest a wall run along a side of many."""
+    lie = rng.uniform([0.0, 0.0, -np.pi], [PANE, PANE, np.pi])
+    cells = np.floor(se2.transform(lie, points) / PANE).astype(np.int64)
     cells -= cells.min(axis=0, initial=0)
     _, pane = np.unique(cells[:, 0] * (cells[:, 1].max(initial=0) + 1) + cells[:, 1], return_inverse=True)
     return pane, int(pane.max(initial=-1)) + 1
@@ -39,7 +41,7 @@ def panes(points: Array) -> tuple[np.ndarray, int]:
 def shine_through(recording: Recording, severity: float, rng: np.random.Generator) -> Recording:
     """A share of the panes is of glass: beams end on what is behind, as far behind for all of a pane."""
     there = np.isfinite(recording.ranges)
-    pane, count = panes(points_of(recording)[there])
+    pane, count = panes(points_of(recording)[there], rng)
     glass, behind = rng.random(count) < severity, rng.uniform(*BEHIND, count)
     ranges = recording.ranges.copy()
     ranges[there] += np.where(glass, behind, 0.0)[pane]
@@ -50,7 +52,7 @@ def mirror(recording: Recording, severity: float, rng: np.random.Generator) -> R
     """A share of the panes is of mirrors: beams end, reflected, on what else the same scan sees, or
     nowhere."""
     there = np.isfinite(recording.ranges)
-    pane, count = panes(points_of(recording)[there])
+    pane, count = panes(points_of(recording)[there], rng)
     mirrored = np.zeros(there.shape, dtype=bool)
     mirrored[there] = (rng.random(count) < severity)[pane]
     ranges = recording.ranges.copy()

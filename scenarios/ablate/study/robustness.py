@@ -62,7 +62,7 @@ def checked(options: RobustnessOptions) -> tuple[list[str], list[int], dict[str,
     if options.scenarios.strip() or not logs:
         scenarios = parse_names(options.scenarios, CATALOGUE, "scenario")
     check(options.scheduler, options.workers, options.out)
-    return scenarios, parse_seeds(options.seeds, count=True), logs
+    return scenarios, parse_seeds(options.seeds), logs
 
 
 def read_logs(paths: str, relations: str) -> dict[str, Log]:
