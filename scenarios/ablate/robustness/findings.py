@@ -200,13 +200,13 @@ def _of_method(findings: Findings, method: str) -> str:
     unhurt = sum(one.median <= UNHURT for one in judged)
     hurt = sorted((one for one in judged if one.median > HURT), key=lambda one: -one.median)
     text += (
-        f" Of {len(judged)} corruptions at {JUDGED} severity, {unhurt} leave its error within × {UNHURT:g} of "
-        "the clean one"
+        f" Of {len(judged)} corruptions at {JUDGED} severity, {unhurt} leave its error within × {UNHURT:g} "
+        "of the clean one"
     )
     if not hurt:
         return f"{text}; none takes it beyond × {HURT:g}."
     names = ", ".join(f"{one.corruption} (× {_factor(one.median)})" for one in hurt)
-    return f"{text}; beyond × {HURT:g} it is with {names}."
+    return f"{text}; beyond × {HURT:g}: {names}."
 
 
 def _against(findings: Findings, other: str) -> str:
