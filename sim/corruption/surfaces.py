@@ -6,7 +6,6 @@ import numpy as np
 
 from sim.corruption.beams import with_ranges
 from sim.corruption.kind import Kind, Severity
-from sim.laser import Raycaster
 from slam import se2
 from slam.recording import Recording
 from slam.se2 import Array
@@ -15,6 +14,8 @@ PANE = 1.0
 """Side [m] of the squares of the plane whose walls are of one stuff."""
 BEHIND = (0.5, 4.0)
 """How far behind a pane of glass the next surface is [m]."""
+TOUCHING = 0.02
+"""A ray that starts on a wall meets it within this [m]."""
 JOINED = 0.5
 """Neighbouring points of a scan nearer than this [m] are on one wall that a mirror shows."""
 
@@ -70,14 +71,26 @@ def reflected(ranges: Array, angles: Array, hit: np.ndarray, reach: float) -> Ar
     place = np.searchsorted(seen, hit)
     along = points[np.minimum(place + 1, len(seen) - 1)] - points[np.maximum(place - 1, 0)]
     onward = 2.0 * np.arctan2(along[:, 1], along[:, 0]) - angles[hit]  # reflected at the line along the wall
-    near = np.hypot(*np.diff(points, axis=0).T) < JOINED
-    walls = np.column_stack([points[:-1], points[1:]])[near]
-    if len(walls) == 0:
-        return np.full(len(hit), np.nan)
-    off = 0.02 * np.column_stack([np.cos(onward), np.sin(onward)])  # not on the mirror itself again
-    start = np.column_stack([points[place] + off, onward])
-    caster = Raycaster.from_segments(walls)
-    return caster.cast(start, np.zeros(1), reach)[:, 0] + 0.02
+    joined = np.hypot(*np.diff(points, axis=0).T) < JOINED
+    walls = np.column_stack([points[:-1], points[1:]])[joined]
+    far = first_hits(points[place], onward, walls)
+    return np.where(far <= reach, far, np.nan)
+
+
+def first_hits(start: Array, bearing: Array, walls: Array) -> Array:
+    """How far rays from ``start (h, 2)`` m along ``bearing (h,)`` rad go until they meet one of the ``walls
+    (S, 4)`` m, infinity where they meet none. A wall they start from does not count."""
+    ahead = np.column_stack([np.cos(bearing), np.sin(bearing)])[:, None]
+    along, off = walls[:, 2:] - walls[:, :2], walls[:, :2] - start[:, None]
+    turn = _cross(ahead, along)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a ray along a wall meets it nowhere
+        distance, share = _cross(off, along) / turn, _cross(off, ahead) / turn
+    meets = (distance > TOUCHING) & (share >= 0.0) & (share <= 1.0)
+    return np.min(np.where(meets, distance, np.inf), axis=1, initial=np.inf)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 KINDS = (

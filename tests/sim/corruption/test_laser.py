@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sim.corruption import CORRUPTIONS
+from sim.corruption.surfaces import first_hits
 from sim.laser import Raycaster
 from slam.recording import Laser, Recording
 from slam.se2 import Array
@@ -104,6 +105,18 @@ def test_a_mirror_shows_what_the_scan_sees() -> None:
     beam = np.argmin(np.abs(ANGLES + np.pi / 4.0))
     assert shown[0, beam] == pytest.approx(ranges[0, beam] + np.hypot(4.0, 4.0), abs=0.05)
     np.testing.assert_array_equal(spoil(recording, "laser.mirror", 0.0), ranges)
+
+
+def test_rays_meet_what_the_ray_caster_sees() -> None:
+    rng = np.random.default_rng(0)
+    start, bearing = rng.uniform([1, 1], [7, 5], (50, 2)), rng.uniform(-np.pi, np.pi, 50)
+    walls = np.vstack([BOX, rng.uniform(0.0, 6.0, (6, 4))])
+    poses = np.column_stack([start, bearing])
+    seen = Raycaster.from_segments(walls).cast(poses, np.zeros(1), 20.0)[:, 0]
+    clear = seen > 0.1
+    assert clear.sum() > 40
+    np.testing.assert_allclose(first_hits(start, bearing, walls)[clear], seen[clear], atol=1e-6)
+    assert np.all(first_hits(start, bearing, np.zeros((0, 4))) == np.inf)
 
 
 def test_a_mirror_that_shows_nothing_returns_nothing() -> None:
