@@ -52,14 +52,13 @@ CLEAN_COLUMNS: Columns = (
 
 def ratio_table(findings: Findings, title: str = "") -> Table:
     """A row per corruption, the worst for the judged method first; two columns per method."""
-    ordered = [findings.judged, *(m for m in findings.methods if m != findings.judged)]
     columns = ["corruption", "level"]
-    for method in ordered:
+    for method in findings.methods:
         columns += [f"{method} × clean", "worst", "no answer"]
     rows = []
     for row in findings.rows:
         cells, by_method = [row[0].corruption, row[0].level], {one.method: one for one in row}
-        for method in ordered:
+        for method in findings.methods:
             cells += _cells(by_method.get(method))
         rows.append(cells)
     return Table(columns, rows, title, names=2, notes=NOTES)
@@ -98,10 +97,9 @@ def draw(findings: Findings) -> Figure:
     from matplotlib.lines import Line2D
 
     kinds = list(dict.fromkeys(row[0].corruption.partition("=")[0] for row in findings.rows))
-    methods = [findings.judged, *(m for m in findings.methods if m != findings.judged)]
     figure = Figure(figsize=(WIDTH, 0.3 * len(kinds) + 1.4), layout="constrained")
-    axes = figure.subplots(1, len(methods), sharey=True, squeeze=False)[0]
-    for ax, method in zip(axes, methods, strict=True):
+    axes = figure.subplots(1, len(findings.methods), sharey=True, squeeze=False)[0]
+    for ax, method in zip(axes, findings.methods, strict=True):
         _draw_method(ax, method, findings.of(method), kinds)
     axes[0].set_yticks(range(len(kinds)), kinds, fontsize=FONT["tick"])
     axes[0].set_ylim(len(kinds) - 0.4, -0.6)
@@ -111,7 +109,9 @@ def draw(findings: Findings) -> Figure:
         Line2D([], [], color=COLOURS[level], marker="o", linestyle="none", label=words.get(level, level))
         for level in levels
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=9)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=max(1, len(handles)), frameon=False, fontsize=9
+    )
     return figure
 
 
