@@ -14,7 +14,7 @@ from scenarios.report.html import TEMPLATES, read, template
 from scenarios.report.live import data_address
 from scenarios.report.style import FONT, WIDTH, png
 from sim.corruption import CORRUPTIONS, LEVELS
-from slam.colours import BLACK, BLUE, GREY, ORANGE, VERMILLION
+from slam.colours import BLACK, BLUE, GREY, SKY, VERMILLION
 from slam.table import ABSENT, Columns, Table, number, with_interval
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ NOTES = (
     "else relation_trans_mean), median over drives [95 % interval, bootstrap over drives]",
     "worst: of all drives, which one in brackets; no answer: drives on which the method refuses or breaks",
 )
-COLOURS = {"": BLACK, **dict(zip(LEVELS, (ORANGE, VERMILLION, BLUE), strict=True))}
+COLOURS = {"": BLACK, **dict(zip(LEVELS, (SKY, BLUE, VERMILLION), strict=True))}
 """Of the levels; black for what is there or not."""
 ABOUT = (
     "scenario",
@@ -73,7 +73,7 @@ def _cells(one: RatioSummary | None) -> list[str]:
 
 def clean_table(findings: Findings) -> Table:
     """A row per recording and method: the errors that ratios are to."""
-    return Table.of(findings.clean, CLEAN_COLUMNS, "Clean", names=2).grouped()
+    return Table.of(findings.clean, CLEAN_COLUMNS, names=2).grouped()
 
 
 def result_columns(findings: Findings) -> list[str]:
@@ -116,6 +116,8 @@ def draw(findings: Findings) -> Figure:
 
 
 def _draw_method(ax: Axes, method: str, rows: Sequence[RatioSummary], kinds: Sequence[str]) -> None:
+    from matplotlib.ticker import LogFormatter
+
     ax.axvline(1.0, color=GREY, linewidth=1.0)
     for one in rows:
         if not np.isfinite(one.median):
@@ -127,6 +129,7 @@ def _draw_method(ax: Axes, method: str, rows: Sequence[RatioSummary], kinds: Seq
         ax.plot(one.median, place, "o", color=COLOURS[one.level], ms=4)
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(LogFormatter())  # which leaves out what would not fit
     ax.set_title(method, fontsize=FONT["title"], parse_math=False)
     ax.set_xlabel("error × clean", fontsize=FONT["label"])
     ax.tick_params(labelsize=FONT["tick"], which="both")
