@@ -231,8 +231,9 @@ def _obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
         tell_of_compilation(stages)
         with stages.stage("simulate"):
             found = source.simulated(options.recording, options.seed, options.start, options.dead_reckoning)
+            found = _spoilt(found, options)
         stages.console.print(f"the drive ended: {found.settings['ending']}", style="dim", highlight=False)
-        return _spoilt(found, options)
+        return found
     with stages.stage("read"):
         found = source.logged(
             Path(options.recording),
@@ -242,7 +243,7 @@ def _obtain(options: Options, config: MethodConfig, stages: Stages) -> Source:
             topic=options.topic,
             odometry=options.odometry,
         )
-    found = _spoilt(found, options)
+        found = _spoilt(found, options)
     tell_of_compilation(stages)
     if not options.no_dead_reckoning and is_mount_unstated(found.recording):
         found = _with_mount(found, config, stages)

@@ -168,8 +168,8 @@ class RobustnessOptions(StudyOptions):
     scenarios: str = "hospital,office_smoke"
     """Scenarios of the catalogue, with commas between; "" for none, where there are logs."""
     seeds: str = "70-74"
-    """Seeds of the drives and of what spoils them: how many, counted from 0; or first-last; or numbers with
-    commas between. A log is spoilt anew by each seed where chance has a part."""
+    """Seeds of the drives and of what spoils them: first-last, or numbers with commas between. A log is
+    spoilt anew by each seed where chance has a part."""
     out: Folder = Path("runs/ablate-robustness")
     """A folder for results.csv, the page and sweep.sqlite, from which an interrupted sweep goes on."""
     logs: str = ""

@@ -100,7 +100,7 @@ KINDS = (
     ),
     Kind(
         "odometry.quantised",
-        "poses are rounded, yaw to as many radians",
+        "x, y and yaw are rounded, yaw to as many radians",
         quantise,
         Severity("step", "m", 1e-6, 10.0, (0.02, 0.05, 0.2), 0.05),
         drawn=False,

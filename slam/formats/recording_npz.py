@@ -135,5 +135,5 @@ def _recording(arrays: dict[str, np.ndarray]) -> Recording:
         attitude=arrays.get("attitude"),
         truth=arrays.get("truth"),
         relations=relations,
-        corruptions=tuple(arrays["corruptions"].tolist()) if "corruptions" in arrays else (),
+        corruptions=tuple(map(str, np.ravel(arrays.get("corruptions", ())))),
     )

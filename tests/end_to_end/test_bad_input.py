@@ -106,6 +106,31 @@ BAD_OPTIONS = {
         ["peer.log"],
         r"peer.other_ref.txt: 1 poses, expected one for each of 5",
     ),
+    "unknown corruption": (
+        ["hospital", "--corrupt", "odometry.frozn=3"],
+        r"--corrupt odometry.frozn=3: unknown .*: did you mean 'odometry.frozen'\?",
+    ),
+    "severity that is no number": (
+        ["hospital", "--corrupt", "laser.noise=much"],
+        "--corrupt laser.noise=much: expected a number after laser.noise=, got 'much'",
+    ),
+    "severity out of range": (
+        ["hospital", "--corrupt", "laser.dropped=1.5"],
+        r"--corrupt laser.dropped: expected a number from 0 to 1 \(share of the beams\), got 1.5",
+    ),
+    "half a freeze": (
+        ["hospital", "--corrupt", "odometry.frozen=2.5"],
+        "odometry.frozen: expected a whole number from 1 to 1000 .*, got 2.5",
+    ),
+    "severity of what has none": (["hospital", "--corrupt", "odometry.sign=2"], "expected no severity"),
+    "freezes of a short log": (
+        ["good.log", "--corrupt", "odometry.frozen"],
+        "--corrupt odometry.frozen=3: expected more than 60 scans, got 5",
+    ),
+    "odometry of a log without": (
+        ["good.log", "--corrupt", "odometry.missing", "--corrupt", "odometry.late"],
+        "odometry.late=1: the recording has no dead reckoning",
+    ),
     "out is a file": (["good.log", "--out", "good.log"], "--out good.log: good.log is not a folder"),
     "out is below a file": (
         ["hospital", "--out", "good.log/a/b"],

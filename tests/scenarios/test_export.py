@@ -137,3 +137,20 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert message in complaint
     assert complaint.count("\n") == 1
     assert sorted(p.name for p in file.parent.iterdir()) == ["room.npz", "uneven.npz"]
+
+
+@pytest.mark.parametrize("form", ["usarsim", "carmen", "rosbag"])
+def test_a_spoilt_recording_is_written_as_the_methods_see_it(
+    form: export.Format, file: Path, drive: Recording
+) -> None:
+    """Not as the full-rate odometry has it, by which it is scored."""
+    if form == "rosbag":
+        pytest.importorskip("rosbags", reason="ROS 2 bags need rosbags: pip install 'slamstitch[ros]'")
+    rows = np.arange(len(drive))
+    time = np.repeat(drive.time, 2) - np.tile([0.01, 0.0], len(drive))
+    full_rate = Odometry(time, np.repeat(drive.dead_reckoning, 2, axis=0), 2 * rows + 1)
+    recording_npz.write(file, replace(drive, odometry=full_rate))
+    out = file.parent / "room.log"
+    export.run(export.Options(str(file), form, out, corrupt=("odometry.late=5",)))
+    late = drive.dead_reckoning[np.maximum(rows - 5, 0)]
+    np.testing.assert_allclose(se2.between(late, load(out).dead_reckoning), 0.0, atol=2e-6)

@@ -93,14 +93,18 @@ class CleanSummary:
 
 @dataclass(frozen=True)
 class Findings:
-    """All results, and what they come to; ``rows`` by corruption, the one that hurts ``judged`` most first,
-    and then by method."""
+    """All results, and what they come to: of ``methods`` the first is `judged`; ``rows`` are by corruption,
+    the one that hurts it most first, and then by method."""
 
     results: Sequence[DriveResult]
     methods: Sequence[str]
-    judged: str
     clean: Sequence[CleanSummary]
     rows: Sequence[Sequence[RatioSummary]]
+
+    @property
+    def judged(self) -> str:
+        """The method that the study is about: ours, or the first one asked for."""
+        return self.methods[0]
 
     def of(self, method: str) -> list[RatioSummary]:
         """A method's rows."""
@@ -109,18 +113,16 @@ class Findings:
 
 def analyse(results: Sequence[DriveResult], logs: Mapping[str, Log]) -> Findings:
     """What the results come to; ``logs`` are the scenarios that are read."""
-    methods = list(dict.fromkeys(result.method for result in results))
-    judged = OURS if OURS in methods else methods[0]
+    asked = dict.fromkeys(result.method for result in results)
+    methods = sorted(asked, key=lambda method: method != OURS)
     clean = {_key(r, logs): r.error for r in results if not r.corruption}
     rng, rows = np.random.default_rng(SEED), []
     for corruption in dict.fromkeys(r.corruption for r in results if r.corruption):
         inside = [r for r in results if r.corruption == corruption and not r.unfit]
         by_method = ([r for r in inside if r.method == method] for method in methods)
         rows.append([_ratios(own, clean, logs, rng) for own in by_method if own])
-    place = {method: k for k, method in enumerate([judged, *methods])}
-    rows = [sorted(row, key=lambda one: place[one.method]) for row in rows if row]
-    rows.sort(key=_hurt, reverse=True)
-    return Findings(results, methods, judged, _clean(results, methods), rows)
+    rows = sorted(filter(None, rows), key=_hurt, reverse=True)
+    return Findings(results, methods, _clean(results, methods), rows)
 
 
 def _key(result: DriveResult, logs: Mapping[str, Log]) -> tuple[str, int | None, str]:
@@ -175,14 +177,10 @@ def verdict(findings: Findings) -> list[str]:
     """Sentences: what hurts most, what does not hurt, who else is hurt, and what has no answer."""
     if not findings.rows:
         return ["No corruption fits any of the recordings: nothing was spoilt."]
-    sentences = [_of_method(findings, method) for method in (findings.judged, *_others(findings))]
-    sentences += [_against(findings, method) for method in _others(findings)]
+    sentences = [_of_method(findings, method) for method in findings.methods]
+    sentences += [_against(findings, method) for method in findings.methods[1:]]
     sentences += _without_answer(findings)
     return sentences
-
-
-def _others(findings: Findings) -> list[str]:
-    return [method for method in findings.methods if method != findings.judged]
 
 
 def _of_method(findings: Findings, method: str) -> str:
@@ -200,13 +198,13 @@ def _of_method(findings: Findings, method: str) -> str:
     unhurt = sum(one.median <= UNHURT for one in judged)
     hurt = sorted((one for one in judged if one.median > HURT), key=lambda one: -one.median)
     text += (
-        f" Of {len(judged)} corruptions at {JUDGED} severity {unhurt} leave its error within × {UNHURT:g} of "
-        f"the clean one"
+        f" Under {unhurt} of {len(judged)} corruptions at {JUDGED} severity its error stays within "
+        f"× {UNHURT:g} of the clean one"
     )
     if not hurt:
-        return f"{text}, and none takes it beyond × {HURT:g}."
+        return f"{text}; none takes it beyond × {HURT:g}."
     names = ", ".join(f"{one.corruption} (× {_factor(one.median)})" for one in hurt)
-    return f"{text}; beyond × {HURT:g} {'it is taken' if len(hurt) == 1 else 'are'} {names}."
+    return f"{text}; beyond × {HURT:g}: {names}."
 
 
 def _against(findings: Findings, other: str) -> str:

@@ -14,7 +14,7 @@ from scenarios.report.html import TEMPLATES, read, template
 from scenarios.report.live import data_address
 from scenarios.report.style import FONT, WIDTH, png
 from sim.corruption import CORRUPTIONS, LEVELS
-from slam.colours import BLACK, BLUE, GREY, ORANGE, VERMILLION
+from slam.colours import BLACK, BLUE, GREY, SKY, VERMILLION
 from slam.table import ABSENT, Columns, Table, number, with_interval
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ NOTES = (
     "else relation_trans_mean), median over drives [95 % interval, bootstrap over drives]",
     "worst: of all drives, which one in brackets; no answer: drives on which the method refuses or breaks",
 )
-COLOURS = {"": BLACK, **dict(zip(LEVELS, (ORANGE, VERMILLION, BLUE), strict=True))}
+COLOURS = {"": BLACK, **dict(zip(LEVELS, (SKY, BLUE, VERMILLION), strict=True))}
 """Of the levels; black for what is there or not."""
 ABOUT = (
     "scenario",
@@ -52,14 +52,13 @@ CLEAN_COLUMNS: Columns = (
 
 def ratio_table(findings: Findings, title: str = "") -> Table:
     """A row per corruption, the worst for the judged method first; two columns per method."""
-    ordered = [findings.judged, *(m for m in findings.methods if m != findings.judged)]
     columns = ["corruption", "level"]
-    for method in ordered:
+    for method in findings.methods:
         columns += [f"{method} × clean", "worst", "no answer"]
     rows = []
     for row in findings.rows:
         cells, by_method = [row[0].corruption, row[0].level], {one.method: one for one in row}
-        for method in ordered:
+        for method in findings.methods:
             cells += _cells(by_method.get(method))
         rows.append(cells)
     return Table(columns, rows, title, names=2, notes=NOTES)
@@ -74,7 +73,7 @@ def _cells(one: RatioSummary | None) -> list[str]:
 
 def clean_table(findings: Findings) -> Table:
     """A row per recording and method: the errors that ratios are to."""
-    return Table.of(findings.clean, CLEAN_COLUMNS, "Clean", names=2).grouped()
+    return Table.of(findings.clean, CLEAN_COLUMNS, names=2).grouped()
 
 
 def result_columns(findings: Findings) -> list[str]:
@@ -98,10 +97,9 @@ def draw(findings: Findings) -> Figure:
     from matplotlib.lines import Line2D
 
     kinds = list(dict.fromkeys(row[0].corruption.partition("=")[0] for row in findings.rows))
-    methods = [findings.judged, *(m for m in findings.methods if m != findings.judged)]
     figure = Figure(figsize=(WIDTH, 0.3 * len(kinds) + 1.4), layout="constrained")
-    axes = figure.subplots(1, len(methods), sharey=True, squeeze=False)[0]
-    for ax, method in zip(axes, methods, strict=True):
+    axes = figure.subplots(1, len(findings.methods), sharey=True, squeeze=False)[0]
+    for ax, method in zip(axes, findings.methods, strict=True):
         _draw_method(ax, method, findings.of(method), kinds)
     axes[0].set_yticks(range(len(kinds)), kinds, fontsize=FONT["tick"])
     axes[0].set_ylim(len(kinds) - 0.4, -0.6)
@@ -111,11 +109,15 @@ def draw(findings: Findings) -> Figure:
         Line2D([], [], color=COLOURS[level], marker="o", linestyle="none", label=words.get(level, level))
         for level in levels
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=9)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=max(1, len(handles)), frameon=False, fontsize=9
+    )
     return figure
 
 
 def _draw_method(ax: Axes, method: str, rows: Sequence[RatioSummary], kinds: Sequence[str]) -> None:
+    from matplotlib.ticker import LogFormatter
+
     ax.axvline(1.0, color=GREY, linewidth=1.0)
     for one in rows:
         if not np.isfinite(one.median):
@@ -127,6 +129,7 @@ def _draw_method(ax: Axes, method: str, rows: Sequence[RatioSummary], kinds: Seq
         ax.plot(one.median, place, "o", color=COLOURS[one.level], ms=4)
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(LogFormatter())  # which leaves out what would not fit
     ax.set_title(method, fontsize=FONT["title"], parse_math=False)
     ax.set_xlabel("error × clean", fontsize=FONT["label"])
     ax.tick_params(labelsize=FONT["tick"], which="both")

@@ -36,8 +36,6 @@ class Log:
     @classmethod
     def checked(cls, path: Path, relations: Path | None) -> Log:
         """A log that can be read and scored. Raises `InputError`."""
-        if not path.exists():
-            raise InputError(f"--logs {path}: no such file")
         recording = source.logged(path, relations, None).recording
         if recording.truth is None and recording.relations is None:
             raise InputError(f"--logs {path}: has no truth, expected its relations (--relations)")

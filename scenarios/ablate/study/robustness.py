@@ -62,7 +62,7 @@ def checked(options: RobustnessOptions) -> tuple[list[str], list[int], dict[str,
     if options.scenarios.strip() or not logs:
         scenarios = parse_names(options.scenarios, CATALOGUE, "scenario")
     check(options.scheduler, options.workers, options.out)
-    return scenarios, parse_seeds(options.seeds, count=True), logs
+    return scenarios, parse_seeds(options.seeds), logs
 
 
 def read_logs(paths: str, relations: str) -> dict[str, Log]:
@@ -77,5 +77,7 @@ def read_logs(paths: str, relations: str) -> dict[str, Log]:
         name = recording_name(Path(file)).removesuffix(".raw")
         if name in logs or name in CATALOGUE:
             raise InputError(f"--logs {file}: {name!r} is already the name of another recording")
+        if not Path(file).exists():
+            raise InputError(f"--logs {file}: no such file")
         logs[name] = Log.checked(Path(file).resolve(), Path(known).resolve() if known else None)
     return logs
