@@ -177,7 +177,7 @@ def in_the_room(room: Array, record: Callable[..., Recording], mount: Array, see
 
 def test_any_yaw_is_found_within_what_it_says(room: Array, record: Callable[..., Recording]) -> None:
     distances = []
-    for seed, yaw in enumerate([0.0, 10.0, 90.0, 180.0, -135.0, 45.0, -90.0, 150.0]):
+    for seed, yaw in enumerate([0.0, 10.0, 90.0, 180.0, -135.0]):
         mount = np.array([0.2, -0.1, np.radians(yaw)])
         found = laser_mount.find_mount(in_the_room(room, record, mount, seed))
         assert isinstance(found, Mount), (yaw, found)
