@@ -172,6 +172,9 @@ EXPECTED_SKIPS = (
     "real recording not found",
     "rerun-sdk is not installed",  # extras that the tests do not install
     "could not import 'small_gicp'",
+    "kiss-icp is not installed",  # peers
+    "karto-scanmatcher is not installed",
+    "mrpt-icp-slam is not installed",
     "no browser",  # where Debian's packages cannot be reached
 )
 """What a skip's reason may begin with where ``CI`` is set; any other means that a test has got lost."""
